@@ -1,0 +1,1 @@
+"""Avionics data logger and wing-shape estimator for flexible wings."""

@@ -1,0 +1,1 @@
+"""After the flight: data sets in, figures, tables and reports out."""

@@ -1,0 +1,272 @@
+"""A flight's log and the truth that was served to it, joined into one log on the flight's clock."""
+
+import heapq
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from avionics.analysis.clock_fit import ClockFit, Rates, fit_clocks
+from avionics.config import Config
+from avionics.errors import JoinError
+from avionics.recording import EncodedFrame, LogReader, LogWriter
+from avionics.recording.attached import CONFIG_TOML
+from avionics.records import Event, Health, MarkerTracks, Truth, WingShapeEstimate
+from avionics.topics import topic_of
+from drivers.bno055.registers import MODE_BY_NAME, filter_delay_s, register_age_s
+from drivers.samples import Frame, ImuSample
+
+Alignment = Literal["auto", "shared", "rates"]
+Loggable = (
+    ImuSample | Frame | EncodedFrame | MarkerTracks | WingShapeEstimate | Truth | Health | Event
+)
+ROLE: Final = "truth"
+MARGIN_NS: Final = 500_000_000
+TRUTH_CONFIG: Final = "truth-config.toml"
+# What a fusion mode sets; BNO055 data sheet rev. 1.4, Table 3-14.
+FUSION_BANDWIDTH_HZ: Final = 32
+
+
+@dataclass(frozen=True, slots=True)
+class JoinReport:
+    """How the clocks were aligned, and what was joined.
+
+    Attributes
+    ----------
+    method : str
+        "shared clock" or "gyro rates".
+    offset_s, sigma_s : float
+        Flight time minus truth time at the middle of the truth, s, and its one-sigma.
+    drift_ppm, drift_sigma_ppm : float
+        How much faster the flight's clock runs.
+    correlation : float or None
+        Of measured and true rates.
+    check_s : float or None
+        What the rates say where the clock is shared: the offset they would have given, s.
+    truths : int
+        Shapes joined.
+    is_truth_closed : bool
+        Whether the truth was written to its end; False while the bench runs or after it was killed.
+    """
+
+    method: str
+    offset_s: float
+    sigma_s: float
+    drift_ppm: float
+    drift_sigma_ppm: float
+    correlation: float | None
+    check_s: float | None
+    truths: int
+    is_truth_closed: bool
+
+    def text(self) -> str:
+        """Return the report for a person."""
+        lines = [
+            f"clocks:  {self.method}; flight = truth + {self.offset_s:.6f} s "
+            f"(one sigma {1e3 * self.sigma_s:.2f} ms)"
+        ]
+        if self.method != "shared clock":
+            lines.append(
+                f"drift:   {self.drift_ppm:+.1f} ppm (one sigma {self.drift_sigma_ppm:.1f}), "
+                f"correlation {self.correlation or 0:.3f}"
+            )
+        elif self.check_s is not None:
+            lines.append(f"check:   the gyro rates agree to {1e3 * self.check_s:+.2f} ms")
+        lines.append(f"joined:  {self.truths} true shapes")
+        if not self.is_truth_closed:
+            lines.append(
+                "note:    the truth is not closed; joined is what it held just now. End the bench "
+                "with `avionics rig stop` and join again"
+            )
+        return "\n".join(lines)
+
+    def to_json_dict(self) -> dict[str, Any]:
+        """Return the report for programs."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+def join(
+    flight: Path,
+    truth: Path,
+    output: Path,
+    *,
+    alignment: Alignment = "auto",
+    force: bool = False,
+) -> JoinReport:
+    """Write a log that holds a flight and its truth, on the flight's clock.
+
+    Parameters
+    ----------
+    flight, truth : Path
+        Log of ``avionics run`` and log of ``avionics rig serve``.
+    output : Path
+        The log to write.
+    alignment : str
+        "shared": both ran on one machine since one start of it; "rates": fit measured to true
+        gyro rates; "auto": shared where the logs say so.
+    force : bool
+        Replace an existing output.
+
+    Raises
+    ------
+    JoinError
+        If the logs do not belong together or cannot be aligned.
+    RecordingError
+        If a log cannot be read or written.
+
+    Notes
+    -----
+    An output that could not be finished is removed.
+    """
+    for log in (flight, truth):
+        if output.exists() and output.samefile(log):
+            msg = f"{output}: is one of the logs to join; write to another file"
+            raise JoinError(msg)
+    flown, served = LogReader(flight), LogReader(truth)
+    _check(flown, served)
+    is_shared = _is_shared(flown, served) if alignment == "auto" else alignment == "shared"
+    fit, why = _fit(flown, served)
+    if is_shared:
+        method, sigma_s = "shared clock", 0.0
+        check_s = None if fit is None else fit.offset_ns * 1e-9
+        used = ClockFit(0.0, 0.0, 0.0, 0.0, 0, fit.correlation if fit else 0.0)
+    elif fit is None:
+        raise JoinError(why)
+    else:
+        method, sigma_s, check_s, used = "gyro rates", fit.sigma_ns * 1e-9, None, fit
+    report = JoinReport(
+        method, used.offset_ns * 1e-9, sigma_s, 1e6 * used.drift, 1e6 * used.drift_sigma,
+        None if fit is None else fit.correlation, check_s, 0, not served.truncated,
+    )  # fmt: skip
+    attachments = {k: v for k, v in flown.attachments.items() if not k.startswith("config.")}
+    attachments[TRUTH_CONFIG] = served.attachments.get(CONFIG_TOML, b"")
+    writer = LogWriter(
+        output,
+        flown.config,
+        utc_offset_ns=flown.utc_offset_ns,
+        metadata={**flown.metadata, **_metadata(truth, served, report)},
+        attachments=attachments,
+        force=force,
+    )
+    try:
+        with writer:
+            return replace(report, truths=_merge(flown, served, used, writer))
+    except BaseException:  # half a flight that `evaluate` would take for a whole one
+        if output.is_file():
+            output.unlink()
+        raise
+
+
+def _check(flown: LogReader, served: LogReader) -> None:
+    if served.metadata.get("role") != ROLE:
+        msg = f"{served.path}: is no truth of `avionics rig serve`; give the flight first, then it"
+        raise JoinError(msg)
+    if flown.metadata.get("role") == ROLE:
+        msg = f"{flown.path}: is a truth of `avionics rig serve`; give the flight first"
+        raise JoinError(msg)
+    ours, theirs = flown.config, served.config
+    markers = [c.truth_markers or c.markers for c in (ours, theirs)]
+    if len(markers[0]) != len(markers[1]):
+        msg = (
+            f"{flown.path}: flies {len(markers[0])} markers, {served.path} served "
+            f"{len(markers[1])}; the same configuration must describe both"
+        )
+        raise JoinError(msg)
+    if ours.wing.name != theirs.wing.name:
+        msg = f"{flown.path}: flies wing {ours.wing.name}, {served.path} is of {theirs.wing.name}"
+        raise JoinError(msg)
+
+
+def _is_shared(flown: LogReader, served: LogReader) -> bool:
+    boots = [reader.metadata.get("boot_id", "") for reader in (flown, served)]
+    return boots[0] == boots[1] != ""
+
+
+def _fit(flown: LogReader, served: LogReader) -> tuple[ClockFit | None, str]:
+    """Return how the rates align the clocks, or None and why they cannot."""
+    lags = {pod.name: _lag_s(flown.config, pod.name) for pod in flown.config.pods}
+    expected_ns = served.utc_offset_ns - flown.utc_offset_ns
+    try:
+        fit = fit_clocks(
+            _rates(flown),
+            _rates(served),
+            {name: lag for name, (lag, _) in lags.items()},
+            expected_ns=float(expected_ns) if flown.utc_offset_ns else None,
+        )
+    except JoinError as error:
+        return None, str(error)
+    # Where between two latches of the chip a read falls is not known.
+    phase_ns = 1e9 * max((phase for _, phase in lags.values()), default=0.0)
+    return replace(fit, sigma_ns=float(np.hypot(fit.sigma_ns, phase_ns))), ""
+
+
+def _lag_s(config: Config, name: str) -> tuple[float, float]:
+    """Return the mean delay of a pod's rates, s, and the one-sigma of the sampling phase."""
+    pod = next(p for p in config.pods if p.name == name)
+    mode = MODE_BY_NAME[pod.chip.mode]
+    bandwidth_hz = FUSION_BANDWIDTH_HZ if mode.is_fusion else pod.chip.gyro_bandwidth_hz
+    age_s = register_age_s(mode, bandwidth_hz)
+    chosen = config.estimator.gyro_lag_s
+    lag_s = filter_delay_s(bandwidth_hz) + age_s if isinstance(chosen, str) else chosen
+    return lag_s, 2 * age_s / 12**0.5
+
+
+def _rates(reader: LogReader) -> Mapping[str, Rates]:
+    samples: dict[str, list[ImuSample]] = {}
+    for message in reader.messages(["/imu/*"]):
+        if isinstance(message.record, ImuSample):
+            samples.setdefault(message.record.pod, []).append(message.record)
+    rates = {}
+    for pod, found in samples.items():
+        ordered = sorted({s.t_ns: s for s in found}.values(), key=lambda s: s.t_ns)
+        rates[pod] = Rates(
+            np.array([s.t_ns for s in ordered], dtype=np.int64),
+            np.array([s.rate_rad_s for s in ordered]),
+        )
+    return rates
+
+
+def _metadata(truth: Path, served: LogReader, report: JoinReport) -> dict[str, str]:
+    told = {f"join_{k}": str(v) for k, v in report.to_json_dict().items() if k != "truths"}
+    of_truth = {f"truth_{k}": served.metadata.get(k, "") for k in ("scenario", "seed", "boot_id")}
+    return {"joined_truth": truth.name, **told, **of_truth}
+
+
+def _merge(flown: LogReader, served: LogReader, fit: ClockFit, writer: LogWriter) -> int:
+    """Write both in order of arrival; returns how many true shapes."""
+    first_ns = last_ns = None
+    for message in flown.messages(decode_images=False):
+        first_ns = message.arrival_ns if first_ns is None else first_ns
+        last_ns = message.arrival_ns
+    if first_ns is None or last_ns is None:
+        msg = f"{flown.path}: holds no records; there is nothing to join"
+        raise JoinError(msg)
+    span = (first_ns - MARGIN_NS, last_ns + MARGIN_NS)
+
+    def of_flight() -> Iterator[tuple[int, int, str, Loggable]]:
+        for message in flown.messages(decode_images=False):
+            yield message.arrival_ns, 0, message.topic, message.record
+
+    count = 0
+
+    def of_truth() -> Iterator[tuple[int, int, str, Loggable]]:
+        latest_ns = span[0]
+        for message in served.messages(["/wing/*/truth", "/event"]):
+            record = message.record
+            if isinstance(record, Truth | Event):
+                t_ns = fit.flight_ns(record.t_ns)
+                if span[0] <= t_ns <= span[1]:
+                    latest_ns = max(latest_ns, t_ns)
+                    yield latest_ns, 1, topic_of(record), replace(record, t_ns=t_ns)
+
+    ordered = heapq.merge(of_flight(), of_truth(), key=lambda entry: entry[:2])
+    for arrival_ns, _, topic, record in ordered:
+        if isinstance(record, Truth):
+            count += 1
+        writer.write(topic, record, record.t_ns, arrival_ns)
+    if count == 0:
+        msg = f"{served.path}: holds no truth of the time of {flown.path}"
+        raise JoinError(msg)
+    return count

@@ -1,0 +1,183 @@
+"""Replay: the records of a log through the pipeline again, into a new log."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, cast
+
+from avionics.config import Config
+from avionics.config_file import apply_overrides, parse_config
+from avionics.errors import RecordingError
+from avionics.pipeline import Pipeline
+from avionics.recording import EncodedFrame, LogReader, LogWriter
+from avionics.records import Event, Health, MarkerTracks, Truth
+from avionics.topics import topic_of
+from drivers.samples import Frame, ImuSample
+
+if TYPE_CHECKING:
+    from avionics.tracking import Tracker
+
+Progress = Callable[[float], None]
+TRACKS = ("/camera/*/tracks",)
+IMAGES = frozenset(["/camera/*/image"])
+INPUTS = IMAGES | {"/imu/*", *TRACKS, "/wing/*/truth", "/health", "/event"}
+"""What a replay reads of a log: the estimates are made again."""
+REMADE = ("pod ", "root", "camera ", "estimator")
+"""Sources whose counters and events the pipeline makes again."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplaySummary:
+    """What a replay did.
+
+    Attributes
+    ----------
+    records : int
+        Records of the old log that went through.
+    tracked : int
+        Frames whose markers were tracked again.
+    untracked : int
+        Frames that could not be: no markers in the configuration.
+    """
+
+    records: int
+    tracked: int
+    untracked: int
+
+
+def replay(
+    log: Path,
+    output: Path,
+    *,
+    config: Config | None = None,
+    overrides: tuple[str, ...] = (),
+    tracker: Literal["led", "csrt", "kcf"] | None = None,
+    retrack: bool = False,
+    images: bool = True,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> ReplaySummary:
+    """Run the pipeline again on what a log recorded; the same log gives bit-identical estimates.
+
+    Parameters
+    ----------
+    log, output : Path
+        The log to read and the log to write.
+    config : Config, optional
+        Instead of the log's own.
+    overrides : tuple of str
+        ``key=value`` pairs applied on top.
+    tracker : str, optional
+        Another tracker than the configuration's.
+    retrack : bool
+        Track the images although the log holds tracks.
+    images : bool
+        Whether the images are copied into the new log.
+    force : bool
+        Replace an existing output.
+    progress : callable, optional
+        Called with the seconds replayed.
+
+    Raises
+    ------
+    RecordingError
+        If the log cannot be read, or the output is the log itself.
+    ConfigError
+        If an override does not fit.
+    """
+    if output.exists() and output.samefile(log):
+        msg = f"{output}: is the log itself; write the replay to another file"
+        raise RecordingError(msg)
+    reader = LogReader(log)
+    flown = _configuration(config if config is not None else reader.config, overrides, tracker)
+    has_tracks = next(reader.messages(TRACKS), None) is not None
+    metadata = {**reader.metadata, "replayed_from": log.name}
+    attachments = {
+        name: data for name, data in reader.attachments.items() if not name.startswith("config.")
+    }
+    with LogWriter(
+        output,
+        flown,
+        utc_offset_ns=reader.utc_offset_ns,
+        metadata=metadata,
+        attachments=attachments,
+        force=force,
+    ) as writer:
+        run = _Replay(flown, writer, track=retrack or not has_tracks, images=images)
+        summary = run.over(reader, progress)
+    if summary.records == 0:
+        msg = f"{log}: holds neither gyro samples nor frames; there is nothing to replay"
+        raise RecordingError(msg)
+    return summary
+
+
+def _configuration(config: Config, overrides: tuple[str, ...], tracker: str | None) -> Config:
+    pairs = (*overrides, *((f"tracker.name={tracker}",) if tracker else ()))
+    if not pairs:
+        return config
+    return parse_config(apply_overrides(config.model_dump(mode="json"), pairs), origin="--set")
+
+
+class _Replay:
+    def __init__(self, config: Config, writer: LogWriter, *, track: bool, images: bool) -> None:
+        self._images, self._track = images, track
+        self._pipeline = Pipeline(config, writer)
+        self._tracker: Tracker | None = None
+        self._can_track = config.camera is not None and bool(config.markers)
+        if track and self._can_track:
+            from avionics.tracking import make_tracker  # noqa: PLC0415 (and OpenCV with it)
+
+            self._tracker = make_tracker(config)
+        self._tracked = self._untracked = self._records = 0
+
+    def over(self, reader: LogReader, progress: Progress | None) -> ReplaySummary:
+        """Feed every record of a log."""
+        start_ns: int | None = None
+        topics = INPUTS if self._images or self._track else INPUTS - IMAGES
+        for message in reader.messages(topics, decode_images=False):
+            start_ns = message.arrival_ns if start_ns is None else start_ns
+            self._take(message.record, message.arrival_ns)
+            if progress is not None and self._records % 64 == 0:
+                progress((message.arrival_ns - start_ns) * 1e-9)
+        self._pipeline.close()
+        return ReplaySummary(self._records, self._tracked, self._untracked)
+
+    def _take(self, record: object, arrival_ns: int) -> None:
+        match record:
+            case ImuSample():
+                self._records += 1
+                self._pipeline.on_imu(record, arrival_ns)
+            case EncodedFrame() | Frame():
+                self._records += 1
+                self._on_frame(record, arrival_ns)
+            case MarkerTracks():
+                if not self._track:
+                    self._pipeline.on_tracks(record, arrival_ns)
+            case Truth():
+                self._copy(record, arrival_ns)
+            case Health() | Event():
+                if not record.source.startswith(REMADE):
+                    self._copy(record, arrival_ns)
+            case _:
+                pass
+
+    def _copy(self, record: Truth | Health | Event, arrival_ns: int) -> None:
+        self._pipeline.pass_on(topic_of(record), record, arrival_ns)
+
+    def _on_frame(self, frame: EncodedFrame | Frame, arrival_ns: int) -> None:
+        if self._images:
+            # A compressed picture stands in the log for the frame that it is.
+            self._pipeline.pass_on(
+                f"/camera/{frame.camera}/image", cast("Frame", frame), arrival_ns
+            )
+        else:
+            self._pipeline.advance(arrival_ns)
+        if not self._track:
+            return
+        if self._tracker is None:
+            self._untracked += 1
+            return
+        picture = frame.decode() if isinstance(frame, EncodedFrame) else frame
+        prediction = self._pipeline.predict_markers(picture.t_ns)
+        self._pipeline.on_tracks(self._tracker.update(picture, prediction), arrival_ns)
+        self._tracked += 1

@@ -1,0 +1,1 @@
+"""Calibration: lens from chessboards, pose from markers of known position. Pure computations."""

@@ -1,0 +1,265 @@
+"""Commands of the hardware-in-the-loop bench: serve a wing, start it, break it, join its truth."""
+
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from avionics.cli import faults
+from avionics.cli.faults import Control, ask_bench, numbers
+from avionics.cli.output import Force, LogArgument, claim, read_log_path
+from avionics.cli.signals import stopping
+from avionics.errors import AvionicsError
+
+if TYPE_CHECKING:
+    from avionics.config import Config
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
+WRITE_EVERY_S = 0.05
+
+
+def register(app: typer.Typer) -> None:
+    """Add this module's commands to the command group ``rig``."""
+    for command in (serve, start, status, stop, join):
+        app.command()(command)
+    app.add_typer(faults.app, name="fault")
+
+
+def serve(
+    scenario: Annotated[str, typer.Argument(metavar="SCENARIO", help="Packaged name or TOML.")],
+    config_path: Annotated[
+        Path | None, typer.Argument(metavar="[CONFIG.toml]", help="The wing; the packaged one.")
+    ] = None,
+    *,
+    can: Annotated[str | None, typer.Option(metavar="CHANNEL", help="CAN channel.")] = None,
+    interface: Annotated[
+        str, typer.Option(help="python-can interface of --can: socketcan, simbus, slcan, ...")
+    ] = "socketcan",
+    bitrate: Annotated[int | None, typer.Option(help="Where the interface sets it.")] = None,
+    i2c_dev: Annotated[
+        int | None, typer.Option(metavar="N", help="First /dev/i2c-N to make (root and CUSE).")
+    ] = None,
+    uart: Annotated[bool, typer.Option("--uart", help="Serial lines on ptys.")] = False,
+    uart_device: Annotated[
+        list[str] | None, typer.Option(metavar="TTY", help="Real serial ports instead of ptys.")
+    ] = None,
+    camera: Annotated[
+        Literal["pipe", "v4l2", "window"] | None, typer.Option(help="How pictures go out.")
+    ] = None,
+    camera_device: Annotated[
+        str, typer.Option(metavar="DEV|HOST:PORT", help="V4L2 output device; place of the window.")
+    ] = "",
+    pods: Annotated[
+        str | None, typer.Option(metavar="0,1", help="Which pods to simulate; default all.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="TRUTH.mcap", help="Truth to write.")
+    ] = None,
+    write_config: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the flying side's configuration.")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a config key.")
+    ] = None,
+    lead: Annotated[
+        float, typer.Option(min=1.5, metavar="S", help="Rest before the scenario begins.")
+    ] = 10.0,
+    hold: Annotated[bool, typer.Option("--hold", help="Rest until `avionics rig start`.")] = False,
+    duration: Annotated[
+        float | None, typer.Option(min=0.1, metavar="S", help="End S seconds into the scenario.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 0,
+    control: Control = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Serve the simulated wing in real time, for `avionics run` elsewhere to fly.
+
+    Example: avionics rig serve default --can vcan0 --camera pipe --write-config fly.toml -o t.mcap
+    """
+    from avionics.cli.configuration import given_or_packaged  # noqa: PLC0415 (start-up)
+    from sim_bus.kernel.bench import BenchOptions  # noqa: PLC0415
+    from sim_bus.kernel.bench_build import open_bench  # noqa: PLC0415
+    from sim_bus.kernel.bench_client import default_socket  # noqa: PLC0415
+    from sim_bus.kernel.bench_control import BenchControl, ControlServer  # noqa: PLC0415
+    from sim_bus.kernel.bench_places import Offer  # noqa: PLC0415
+    from sim_bus.kernel.truth_log import TruthLog  # noqa: PLC0415
+    from sim_bus.scenario import load_scenario  # noqa: PLC0415
+
+    config = given_or_packaged(config_path, tuple(overrides or ()))
+    flown = load_scenario(scenario)
+    truth = claim(output or Path(f"truth-{Path(scenario).stem}-{seed}.mcap"), force=force)
+    if write_config is not None:
+        claim(write_config, force=force)
+    if camera_device and camera in {None, "pipe"}:
+        msg = "--camera-device: is the place of --camera v4l2 or --camera window; give one of them"
+        raise AvionicsError(msg)
+    socket = control or default_socket()
+    offer = Offer(
+        can=can, interface=interface, bitrate=bitrate, i2c_dev=i2c_dev, uart=uart,
+        uart_devices=tuple(uart_device or ()), pods=None if pods is None else numbers(pods),
+    )  # fmt: skip
+    options = BenchOptions(
+        offer=offer, camera=camera, camera_device=camera_device, folder=socket.parent, seed=seed
+    )
+    # The control socket is claimed first: a bench that is refused has touched nothing. It goes
+    # last: `rig stop` sees by it that the truth is on disk.
+    with (
+        stopping() as stop,
+        ControlServer(socket) as server,
+        open_bench(config, flown, options) as bench,
+    ):
+        if write_config is not None:
+            _write(write_config, _toml(bench.config))
+        with TruthLog(truth, bench, force=force) as log:
+            server.answer_with(BenchControl(bench, stop, log.say))
+            _announce(_description(bench, socket, truth, write_config), as_json=as_json)
+            if not hold:
+                bench.start(lead)
+            while not stop.wait(WRITE_EVERY_S):
+                bench.march_ahead()
+                log.write_due()
+                elapsed_s = bench.elapsed_s
+                if duration is not None and elapsed_s is not None and elapsed_s >= duration:
+                    break
+    if not as_json:
+        print(f"wrote {truth} ({truth.stat().st_size / 1e6:.1f} MB)")
+        print(f"next: avionics rig join FLIGHT.mcap {truth} -o joined.mcap")
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        msg = f"{path}: cannot be written ({error.strerror})"
+        raise AvionicsError(msg) from error
+
+
+def _toml(config: "Config") -> str:
+    from avionics.recording.attached import config_toml  # noqa: PLC0415
+
+    head = "# Made by `avionics rig serve`: the served wing, with the links of that bench.\n"
+    return head + config_toml(config)
+
+
+def _description(bench: Any, socket: Path, truth: Path, config: Path | None) -> dict[str, Any]:
+    camera = bench.config.camera
+    source = None if camera is None or camera.source is None else camera.source
+    return {
+        "pods": {
+            pod.name: None if pod.link is None else pod.link.model_dump(mode="json")
+            for pod in bench.config.pods
+        },
+        "simulated": sorted(bench.chips),
+        "camera": None if source is None else source.model_dump(mode="json"),
+        "page": bench.page,
+        "control": str(socket),
+        "truth": str(truth),
+        "config": None if config is None else str(config),
+    }
+
+
+def _announce(found: dict[str, Any], *, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(found), flush=True)
+        return
+    from rich.console import Console  # noqa: PLC0415 (start-up)
+    from rich.markup import escape  # noqa: PLC0415 (start-up)
+    from rich.table import Table  # noqa: PLC0415 (start-up)
+
+    table = Table(box=None, pad_edge=False, title="serving", title_justify="left")
+    for heading in ("part", "by", "for the flying side's configuration"):
+        table.add_column(heading, overflow="fold")
+    for name, link in found["pods"].items():
+        by = "simulation" if name in found["simulated"] else "hardware"
+        table.add_row(f"pod {escape(name)}", by, escape(_inline(link)))
+    if found["camera"] is not None:
+        table.add_row("camera", "simulation", escape(_inline(found["camera"])))
+    if found["page"] is not None:
+        table.add_row("page", "simulation", f"open {found['page']} full screen")
+    table.add_row("control", "", escape(found["control"]))
+    Console().print(table)
+    print("Ctrl-C ends the bench", flush=True)
+
+
+def _inline(link: dict[str, Any] | None) -> str:
+    if link is None:
+        return "no link"
+    pairs = ", ".join(f"{k} = {json.dumps(v)}" for k, v in link.items() if v is not None)
+    return f"{{ {pairs} }}"
+
+
+def start(
+    lead: Annotated[float, typer.Option(min=1.5, metavar="S", help="Rest until then.")] = 2.0,
+    control: Control = None,
+) -> None:
+    """Let the scenario of a held bench begin.
+
+    Example: avionics rig start
+    """
+    ask_bench(control, {"do": "start", "lead_s": lead})
+    print(f"the scenario begins in {lead:.1f} s")
+
+
+def status(control: Control = None) -> None:
+    """Print what a running bench counts and which faults are on, as JSON.
+
+    Example: avionics rig status
+    """
+    print(json.dumps(ask_bench(control, {"do": "status"}), indent=2))
+
+
+def stop(
+    control: Control = None,
+    *,
+    wait_s: Annotated[
+        float,
+        typer.Option(min=0, metavar="S", help="Longest wait for the truth to be on disk."),
+    ] = 10.0,
+) -> None:
+    """End a running bench and wait until its truth is on disk.
+
+    Example: avionics rig stop
+    """
+    from sim_bus.kernel.bench_client import default_socket  # noqa: PLC0415
+
+    ask_bench(control, {"do": "stop"})
+    path, give_up = control or default_socket(), time.monotonic() + wait_s
+    while path.exists() and time.monotonic() < give_up:
+        time.sleep(0.05)
+    if path.exists():
+        msg = (
+            f"{path}: the bench was told to end, but has not after {wait_s:g} s; its truth is not "
+            "whole yet. Wait longer with --wait-s"
+        )
+        raise AvionicsError(msg)
+    print("the bench has ended; its truth is on disk")
+
+
+def join(
+    log: LogArgument,
+    truth: Annotated[Path, typer.Argument(metavar="TRUTH.mcap", help="Of `avionics rig serve`.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="To write.")],
+    clock: Annotated[
+        Literal["auto", "shared", "rates"],
+        typer.Option(help="How clocks are aligned: one machine's own, or by the gyro rates."),
+    ] = "auto",
+    *,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Put the served truth beside a flight's log, clocks aligned; `evaluate` then works on it.
+
+    Example: avionics rig join flight.mcap truth.mcap -o joined.mcap
+    """
+    from avionics.analysis.join import join as join_logs  # noqa: PLC0415
+
+    claim(output, force=force)
+    report = join_logs(
+        read_log_path(log), read_log_path(truth), output, alignment=clock, force=force
+    )
+    print(json.dumps(report.to_json_dict()) if as_json else report.text())
+    if not as_json:
+        print(f"next: avionics evaluate {output}")

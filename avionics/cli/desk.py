@@ -1,0 +1,176 @@
+"""Commands at the desk: import, replay, evaluate, export, report, info, recover.
+
+What a command needs is imported when it runs: the mathematics alone take a second to load.
+"""
+
+import json
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from avionics.cli.output import Force, LogArgument, claim, progress_bar, read_log_path
+
+OutputFile = Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="File to write.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add this module's commands to the command line."""
+    app.command("import")(import_)
+    for command in (replay, evaluate, export, report, info, recover):
+        app.command()(command)
+
+
+def import_(
+    directory: Annotated[Path, typer.Argument(metavar="DATASET_DIR", help="The data set.")],
+    output: OutputFile,
+    *,
+    calibrate: Annotated[
+        bool,
+        typer.Option("--calibrate", help="Calibrate the camera from the set's own pictures."),
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Turn a recorded data set into a log, optionally calibrating its camera.
+
+    Example: avionics import wing-sweep/ -o sweep.mcap --calibrate
+    """
+    from rich.console import Console  # noqa: PLC0415
+
+    from avionics.analysis.import_set import import_set  # noqa: PLC0415
+
+    claim(output, force=force)
+    with progress_bar("importing", None) as progress:
+        summary = import_set(directory, output, calibrate=calibrate, force=force, progress=progress)
+    Console().print(summary.text())
+    print(f"next: avionics replay {output} -o replayed.mcap")
+
+
+def replay(
+    log: LogArgument,
+    output: OutputFile,
+    config: Annotated[
+        Path | None, typer.Option("--config", help="Configuration instead of the log's own.")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a config key.")
+    ] = None,
+    tracker: Annotated[
+        Literal["led", "csrt", "kcf"] | None,
+        typer.Option("--tracker", help="Track the images again with this tracker."),
+    ] = None,
+    *,
+    retrack: Annotated[
+        bool, typer.Option("--retrack", help="Track the images although the log holds tracks.")
+    ] = False,
+    images: Annotated[
+        bool, typer.Option("--images/--no-images", help="Copy the images into the new log.")
+    ] = True,
+    force: Force = False,
+) -> None:
+    """Run the pipeline again on a log; the same log gives bit-identical estimates.
+
+    Example: avionics replay sweep.mcap --set estimator.form=paper -o paper.mcap
+    """
+    from avionics.analysis.replay import replay as replay_log  # noqa: PLC0415
+    from avionics.config_file import load_config  # noqa: PLC0415
+
+    read_log_path(log)
+    claim(output, force=force)
+    with progress_bar("replaying", None) as progress:
+        replay_log(
+            log,
+            output,
+            config=None if config is None else load_config(config),
+            overrides=tuple(overrides or ()),
+            tracker=tracker,
+            retrack=retrack or tracker is not None,
+            images=images,
+            force=force,
+            progress=progress,
+        )
+    print(f"wrote {output} ({output.stat().st_size / 1e6:.1f} MB)")
+    print(f"next: avionics evaluate {output}; avionics report {output} -o report.html")
+
+
+def evaluate(
+    log: LogArgument,
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
+) -> None:
+    """Compare the estimates with the truth or motion capture inside the log.
+
+    Example: avionics evaluate replayed.mcap --json
+    """
+    from rich.console import Console  # noqa: PLC0415
+
+    from avionics.analysis.evaluate import evaluate as evaluate_log  # noqa: PLC0415
+
+    evaluation = evaluate_log(read_log_path(log))
+    if as_json:
+        print(json.dumps(evaluation.to_json_dict(), indent=2))
+    else:
+        Console().print(evaluation.table())
+
+
+def export(
+    log: LogArgument,
+    directory: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder.")],
+    table_format: Annotated[
+        Literal["csv", "parquet"], typer.Option("--format", help="Form of the tables.")
+    ] = "csv",
+    *,
+    force: Force = False,
+) -> None:
+    """Write one table per topic, units in the column names.
+
+    Example: avionics export replayed.mcap -o tables --format parquet
+    """
+    from avionics.analysis.export import export as export_log  # noqa: PLC0415
+
+    read_log_path(log)
+    with progress_bar("exporting", None) as progress:
+        tables = export_log(log, directory, table_format, force=force, progress=progress)
+    for path, rows in tables.items():
+        print(f"{path}: {rows} rows")
+
+
+def report(log: LogArgument, output: OutputFile, *, force: Force = False) -> None:
+    """Write one self-contained HTML page: what flew, errors, shapes, rates, losses.
+
+    Example: avionics report replayed.mcap -o report.html
+    """
+    from avionics.analysis.report import write_report  # noqa: PLC0415
+
+    read_log_path(log)
+    claim(output, force=force)
+    with progress_bar("drawing", None) as progress:
+        write_report(log, output, force=force, progress=progress)
+    print(f"wrote {output}")
+
+
+def info(log: LogArgument) -> None:
+    """Say what a log holds: topics, counts, rates, losses, configuration.
+
+    Example: avionics info flight.mcap
+    """
+    from avionics.analysis.info import info_text  # noqa: PLC0415
+
+    print(info_text(read_log_path(log)))
+
+
+def recover(
+    broken: Annotated[Path, typer.Argument(metavar="BROKEN.mcap", help="The cut log.")],
+    output: OutputFile,
+    *,
+    force: Force = False,
+) -> None:
+    """Make a log that was cut off readable for every MCAP reader; nothing whole is lost.
+
+    Example: avionics recover broken.mcap -o fixed.mcap
+    """
+    from avionics.recording import recover as recover_log  # noqa: PLC0415
+
+    read_log_path(broken)
+    claim(output, force=force)
+    print(recover_log(broken, output, force=force).text())

@@ -1,0 +1,157 @@
+"""Commands that fly: `run` on hardware, `sim` on the simulated wing, `doctor` before either.
+
+What a command needs is imported when it runs: the mathematics alone take a second to load.
+"""
+
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from avionics.cli.output import Force, claim, progress_bar
+from avionics.cli.signals import stopping
+from drivers.clock import SteadyClock, boot_id, utc_offset_ns
+
+ConfigArgument = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="Configuration.")]
+Output = Annotated[Path | None, typer.Option("-o", "--output", help="Log to write.")]
+Overrides = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a config key.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add this module's commands to the command line."""
+    app.command()(run)
+    app.command()(sim)
+    app.command()(doctor)
+
+
+def run(
+    config_path: ConfigArgument,
+    duration: Annotated[
+        float | None, typer.Option(min=0.1, metavar="S", help="Stop after S seconds.")
+    ] = None,
+    output: Output = None,
+    overrides: Overrides = None,
+    *,
+    force: Force = False,
+) -> None:
+    """Fly on hardware: read the sensors, track, estimate and record until Ctrl-C.
+
+    Example: avionics run wing.toml --duration 60 -o flight.mcap
+    """
+    from avionics.config_file import load_config  # noqa: PLC0415 (start-up)
+    from avionics.hardware import open_rig  # noqa: PLC0415 (bus libraries only where needed)
+    from avionics.recording import Recorder  # noqa: PLC0415 (start-up)
+    from avionics.runner import run_live  # noqa: PLC0415 (start-up)
+
+    config = load_config(config_path, tuple(overrides or ()))
+    stamp = datetime.now(tz=timezone.utc).strftime("%Y%m%d-%H%M%SZ")
+    path = claim(output or Path(f"flight-{stamp}.mcap"), force=force)
+    clock = SteadyClock()
+    with open_rig(config, clock) as rig:
+        print(f"flying {config.wing.name} wing: {path} (Ctrl-C ends the flight)", flush=True)
+        with (
+            Recorder(
+                path,
+                config,
+                utc_offset_ns=utc_offset_ns(),
+                clock=clock,
+                metadata={"command": "run", "boot_id": boot_id()},
+                force=force,
+            ) as recorder,
+            stopping() as stop,
+            progress_bar("flying", duration) as progress,
+        ):
+            run_live(rig, config, recorder, stop=stop, duration_s=duration, progress=progress)
+    _print_flight(path)
+
+
+def sim(
+    config_path: Annotated[
+        Path | None,
+        typer.Argument(metavar="[CONFIG.toml]", help="Configuration; the packaged one if absent."),
+    ] = None,
+    *,
+    scenario: Annotated[
+        str,
+        typer.Option(metavar="NAME|FILE", help="Packaged scenario or a TOML file."),
+    ] = "default",
+    duration: Annotated[
+        float | None, typer.Option(min=0.1, metavar="S", help="Length of the flight.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 0,
+    output: Output = None,
+    overrides: Overrides = None,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Fly at the pace of a wall clock, with threads.")
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Fly the simulated wing through the real drivers; the same seed gives the same log.
+
+    Example: avionics sim --scenario oblique --duration 30 --seed 1 -o sim.mcap
+    """
+    from avionics.cli.configuration import given_or_packaged  # noqa: PLC0415 (start-up)
+    from avionics.recording import LogWriter, Recorder  # noqa: PLC0415 (start-up)
+    from avionics.runner import run_live, run_lockstep  # noqa: PLC0415 (start-up)
+    from sim_bus.rig import open_sim_rig  # noqa: PLC0415 (the simulator flies nowhere else)
+    from sim_bus.scenario import load_scenario  # noqa: PLC0415
+
+    config = given_or_packaged(config_path, tuple(overrides or ()))
+    flown = load_scenario(scenario)
+    length_s = duration if duration is not None else flown.duration_s
+    path = claim(output or Path(f"sim-{Path(scenario).stem}-{seed}.mcap"), force=force)
+    metadata = {"command": "sim", "scenario": flown.name, "seed": str(seed)}
+    with open_sim_rig(config, flown, seed=seed, realtime=realtime) as rig:
+        if realtime:
+            with (
+                Recorder(
+                    path,
+                    config,
+                    utc_offset_ns=utc_offset_ns(),
+                    clock=rig.clock,
+                    metadata=metadata,
+                    force=force,
+                ) as recorder,
+                stopping() as stop,
+                progress_bar("flying", length_s) as progress,
+            ):
+                run_live(rig, config, recorder, stop=stop, duration_s=length_s, progress=progress)
+        else:
+            with (
+                LogWriter(path, config, utc_offset_ns=0, metadata=metadata, force=force) as writer,
+                progress_bar("flying", length_s) as progress,
+            ):
+                run_lockstep(rig, config, writer, duration_s=length_s, progress=progress)
+    _print_flight(path)
+
+
+def _print_flight(path: Path) -> None:
+    print(f"wrote {path} ({path.stat().st_size / 1e6:.1f} MB)")
+    print(f"next: avionics evaluate {path}; avionics report {path} -o report.html")
+
+
+def doctor(config_path: ConfigArgument) -> None:
+    """Say what of a configuration is there, what is missing, and how to mend it.
+
+    Example: avionics doctor wing.toml
+    """
+    from rich.console import Console  # noqa: PLC0415 (start-up)
+    from rich.markup import escape  # noqa: PLC0415 (start-up)
+    from rich.table import Table  # noqa: PLC0415 (start-up)
+
+    from avionics.config_file import load_config  # noqa: PLC0415 (start-up)
+    from avionics.hardware import probe  # noqa: PLC0415 (start-up)
+
+    findings = probe(load_config(config_path))
+    table = Table(box=None, pad_edge=False)
+    for heading in ("", "what", "found", "remedy"):
+        table.add_column(heading, overflow="fold")
+    for finding in findings:
+        mark = "[green]ok[/]" if finding.ok else "[red]missing[/]"
+        table.add_row(mark, *(escape(t) for t in (finding.what, finding.found, finding.remedy)))
+    Console().print(table)
+    if not all(finding.ok for finding in findings):
+        raise typer.Exit(1)

@@ -1,0 +1,98 @@
+"""Where results go: output files that are never overwritten unasked, progress, and tables."""
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from avionics.errors import AvionicsError, OutputExistsError
+
+Force = Annotated[bool, typer.Option("--force", help="Overwrite existing output.")]
+LogArgument = Annotated[Path, typer.Argument(metavar="LOG.mcap", help="The log to read.")]
+
+PROGRESS_AFTER_S = 2.0
+
+
+def claim(path: Path, *, force: bool) -> Path:
+    """Return ``path`` if it may be written.
+
+    Raises
+    ------
+    OutputExistsError
+        If it exists and ``force`` is not given.
+    AvionicsError
+        If its folder does not exist or it is a folder.
+    """
+    if path.is_dir():
+        msg = f"{path} is a folder; give the name of a file"
+        raise AvionicsError(msg)
+    if path.exists() and not force:
+        msg = f"{path} exists; choose another name or add --force"
+        raise OutputExistsError(msg)
+    if not path.parent.is_dir():
+        msg = f"{path.parent} is not a folder; make it first"
+        raise AvionicsError(msg)
+    return path
+
+
+def read_log_path(path: Path) -> Path:
+    """Return ``path`` if it is a file.
+
+    Raises
+    ------
+    AvionicsError
+        If there is no such file.
+    """
+    if not path.is_file():
+        msg = f"{path}: no such log; give the path of an .mcap file"
+        raise AvionicsError(msg)
+    return path
+
+
+@contextlib.contextmanager
+def progress_bar(title: str, total: float | None) -> Iterator[Callable[[float], None]]:
+    """Show a bar on stderr where it is a terminal and the work lasts longer than two seconds.
+
+    Without a total it tells the seconds of flight that are done.
+    """
+    if not sys.stderr.isatty():
+        yield lambda _done: None
+        return
+    from rich.console import Console  # noqa: PLC0415 (only where a bar may be drawn)
+    from rich.progress import (  # noqa: PLC0415
+        BarColumn,
+        Progress,
+        TaskID,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    start_s = time.monotonic()
+    share = (TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn())
+    bar = Progress(
+        TextColumn(title),
+        BarColumn(),
+        *(share if total else (TextColumn("{task.completed:.0f} s"), TimeElapsedColumn())),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    task: list[TaskID] = []
+
+    def update(done: float) -> None:
+        if not task:
+            if time.monotonic() - start_s < PROGRESS_AFTER_S:
+                return
+            bar.start()
+            task.append(bar.add_task(title, total=total))
+        bar.update(task[0], completed=done)
+
+    try:
+        yield update
+    finally:
+        if task:
+            bar.stop()

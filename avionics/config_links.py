@@ -1,0 +1,118 @@
+"""Configuration of what is connected: buses, chips and picture sources."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Section(BaseModel):
+    """Base of every table: unknown keys are errors, values never change."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+class I2cLink(Section):
+    """A BNO055 on an I2C bus."""
+
+    kind: Literal["i2c"] = "i2c"
+    bus: int = Field(default=1, ge=0, description="N of /dev/i2c-N")
+    address: int = Field(default=0x28, ge=0x08, le=0x77)
+    """Address of the chip: 0x28, or 0x29 with COM3 high."""
+    mux_address: int | None = Field(default=None, ge=0x70, le=0x77, description="TCA9548A")
+    mux_channel: int = Field(default=0, ge=0, le=7)
+    """Channel of the multiplexer."""
+
+
+class UartLink(Section):
+    """A BNO055 on a serial port."""
+
+    kind: Literal["uart"]
+    port: str
+    """Serial device, e.g. /dev/ttyUSB0."""
+    baud: int = 115200
+    """Line speed; the BNO055 knows 115200 only."""
+
+
+class CanLink(Section):
+    """A pod on a CAN bus."""
+
+    kind: Literal["can"]
+    interface: str = Field(default="socketcan", description="python-can interface name")
+    channel: str = "can0"
+    """Name of the channel, e.g. can0."""
+    bitrate: int | None = None
+    """Bit rate where the interface sets it, bit/s."""
+    node: int = Field(default=1, ge=0, le=15, description="pod number on the bus")
+
+
+Link = Annotated[I2cLink | UartLink | CanLink, Field(discriminator="kind")]
+
+
+GYRO_BANDWIDTHS_HZ = (12, 23, 32, 47, 64, 116, 230, 523)
+
+
+class ImuChip(Section):
+    """How the BNO055 is set; read back and checked when it is opened."""
+
+    mode: Literal["gyronly", "amg", "ndof", "imu"] = "amg"
+    """Operation mode; fusion modes (imu, ndof) override range and bandwidth."""
+    gyro_range_dps: Literal[125, 250, 500, 1000, 2000] = 2000
+    """Full scale, deg/s."""
+    gyro_bandwidth_hz: Literal[12, 23, 32, 47, 64, 116, 230, 523] = 32
+    """Low-pass of the gyro, Hz."""
+    external_crystal: bool = False
+    """Whether a 32 kHz crystal is fitted."""
+    calibration_file: str | None = None
+    """JSON file of calibration offsets by chip id, restored at the start."""
+    rate_hz: float = Field(default=100.0, gt=0, le=1000)
+    """How often the chip is read, Hz."""
+
+
+class FileCamera(Section):
+    """A recorded video as camera."""
+
+    kind: Literal["file"]
+    path: str
+    """Video file."""
+
+
+class V4l2Camera(Section):
+    """A V4L2 device."""
+
+    kind: Literal["v4l2"]
+    device: str = "/dev/video0"
+    """Device node."""
+    exposure_us: int | None = Field(default=None, gt=0)
+    """Fixed exposure, us; automatic if absent."""
+    gain: int | None = Field(default=None, ge=0)
+    """Fixed gain, device units."""
+    white_balance_k: int | None = Field(default=None, gt=0)
+    """Fixed white balance, K."""
+
+
+class GStreamerCamera(Section):
+    """A GStreamer child process; the default line is the Jetson's CSI camera."""
+
+    kind: Literal["gstreamer"] = "gstreamer"
+    pipeline: str | None = Field(default=None, description="up to raw video; None = Jetson CSI")
+    sensor_id: int = 0
+    """CSI port."""
+    exposure_us: int | None = Field(default=None, gt=0)
+    """Fixed exposure, us; automatic if absent."""
+    gain: float | None = Field(default=None, ge=1)
+    """Fixed gain."""
+
+
+class SocketCamera(Section):
+    """Pictures of another program on this machine, through a Unix socket (`avionics rig serve`)."""
+
+    kind: Literal["socket"]
+    path: str
+    """The socket on which that program listens."""
+
+
+CameraSource = Annotated[
+    FileCamera | V4l2Camera | GStreamerCamera | SocketCamera, Field(discriminator="kind")
+]

@@ -1,0 +1,165 @@
+"""Distributed POS on the wing: method Gs online, the root IMU as master and the pods as slaves.
+
+It needs neither camera nor start shape. Without a root IMU the root is taken to rest. The wing's
+angles at the pods come out of the filter; modal amplitudes are fitted to them.
+"""
+
+import math
+
+import numpy as np
+
+from avionics.config import Config
+from avionics.pos.attitude import right_jacobian, rotation_from_vector
+from avionics.pos.flexure import markov_flexure
+from avionics.pos.online import GsBank, GyroBelief
+from avionics.records import FloatArray
+from avionics.wse.fusion import Belief
+from avionics.wse.geometry import WingGeometry
+from avionics.wse.inputs import GyroInputs
+from avionics.wse.kinematics import euler_rate_matrix
+from avionics.wse.settings import FilterSettings
+
+
+class WingGs:
+    """The Gs filters of one wing's pods, fed as they speak, asked at the ticks.
+
+    Parameters
+    ----------
+    config : Config
+        Noises of the gyros and the flexure law.
+    settings : FilterSettings
+        Basis, stations and periods, shared with the camera-aided filter.
+    """
+
+    def __init__(self, config: Config, settings: FilterSettings) -> None:
+        law, gyro = config.gs, config.estimator
+        self._settings = settings
+        self._period_ns = settings.step_ns
+        self._dt = settings.step_ns * 1e-9
+        self._flexure = markov_flexure(
+            np.array(law.correlation_s), np.deg2rad(np.array(law.flexure_sigma_deg))
+        )
+        self._rho_sigma = math.radians(law.misalignment_sigma_deg)
+        self._noise = math.radians(gyro.gyro_noise_dps_sqrthz) / math.sqrt(self._dt)
+        self._walk = gyro.bias_walk_rad_s_sqrts
+        c, s = math.cos(config.wing.psi0_rad), math.sin(config.wing.psi0_rad)
+        self._line_from_body = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        self._geometry = WingGeometry(settings.basis, settings.pods_s)
+        self.inputs = GyroInputs(settings.rates, settings.pod_period_ns)
+        self._bank: GsBank | None = None
+        self._known_ns = 0
+        self._live: tuple[bool, ...] = (False,) * len(settings.pods_s)
+        self.has_master = False
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether the pods have given the filter its first instant."""
+        return self._bank is not None
+
+    def begin_anew(self) -> None:
+        """Forget everything: the next samples are a new start."""
+        self.inputs = GyroInputs(self._settings.rates, self._settings.pod_period_ns)
+        self._bank = None
+
+    def _begin(self, now_ns: int) -> GsBank | None:
+        first = self.inputs.first_known_ns(now_ns)
+        if first is None or not len(self._settings.pods_s):
+            return None
+        period = self._period_ns
+        self._known_ns = -(-first // period) * period
+        self.has_master = self.inputs.ahead(first, first + period).body is not None
+        master = 1.0 if self.has_master else 0.0
+        gyros = GyroBelief(
+            noise_m=master * self._noise,
+            noise_s=self._noise,
+            bias_m=master * self._settings.bias_sigma,
+            bias_s=self._settings.bias_sigma,
+            bias_walk=self._walk,
+        )
+        pods = len(self._settings.pods_s)
+        return GsBank(pods, self._dt, self._flexure, gyros, self._rho_sigma)
+
+    def commit(self, now_ns: int) -> None:
+        """Run the filters over every step of the grid that is known at ``now_ns``."""
+        if self._bank is None:
+            self._bank = self._begin(now_ns)
+        if self._bank is None:
+            return
+        horizon = self.inputs.known_until(now_ns)
+        while self._known_ns + self._period_ns <= horizon:
+            end = self._known_ns + self._period_ns
+            step = self.inputs.ahead(self._known_ns, end)
+            self._live = self.inputs.regime(self._known_ns, end).live
+            body = np.zeros(3) if step.body is None else self._line_from_body @ step.body
+            self._bank.step(body, step.rates, np.array(self._live))
+            self._known_ns = end
+        self.inputs.forget(self._known_ns - 10 * self._period_ns)
+
+    def row(self, tick_ns: int) -> Belief | None:
+        """Return amplitudes and biases at a tick with what is known; None before the start.
+
+        Parameters
+        ----------
+        tick_ns : int
+            Instant, ns; the flexure law carries the state there from the newest step.
+        """
+        if self._bank is None:
+            return None
+        steps = max(0, (tick_ns - self._known_ns) // self._period_ns)
+        u, P = self._bank.ahead(steps)
+        q, P_q = self._amplitudes(u, P)
+        bias, sigma = self._bank.bias
+        n = len(q)
+        x = np.concatenate([q, bias.ravel()])
+        whole = np.zeros((len(x), len(x)))
+        whole[:n, :n] = P_q
+        whole[range(n, len(x)), range(n, len(x))] = sigma.ravel() ** 2
+        return Belief(x, whole)
+
+    def _amplitudes(self, u: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Fit the modes to the angles at the pods; what the pods do not see keeps its prior."""
+        basis = self._settings.basis
+        angles, slopes = station_angles(u)
+        inverse = self._settings.rates.inverse(self._live)
+        q = np.zeros(basis.count)
+        q[basis.phi] = angles[:, 0] @ inverse.phi
+        q[basis.theta] = angles[:, 1] @ inverse.theta
+        if basis.inplane:
+            q[basis.psi] = (angles[:, 2] - self._geometry.at(q).psi) @ inverse.psi
+        to_q = np.zeros((basis.count, len(u), 3))
+        families = (basis.phi, basis.theta, basis.psi)
+        matrices = (inverse.phi, inverse.theta, inverse.psi)
+        P_q = np.zeros((basis.count, basis.count))
+        for axis, (family, matrix) in enumerate(zip(families, matrices, strict=True)):
+            to_q[family, :, axis] = matrix.T
+            if matrix.shape[1]:
+                P_q[family, family] = (
+                    inverse.blind[family, family] * self._settings.prior[family][0]
+                )
+        to_q = np.einsum("nma,mab->nmb", to_q, slopes)
+        P_q += np.einsum("nma,mab,kmb->nk", to_q, P, to_q)
+        return q, P_q
+
+
+def station_angles(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (phi, theta, psi - psi0) of stations turned by u against the undeformed line.
+
+    Parameters
+    ----------
+    u : ndarray, shape (M, 3)
+        Rotation vectors: C_s^m = exp(u x), rad.
+
+    Returns
+    -------
+    angles : ndarray, shape (M, 3)
+        Of D = R1(phi) R2(theta) R3(psi), rad.
+    slopes : ndarray, shape (M, 3, 3)
+        Their derivatives by u.
+    """
+    C = rotation_from_vector(u)
+    phi = np.arctan2(C[:, 2, 1], C[:, 2, 2])
+    theta = -np.arcsin(np.clip(C[:, 2, 0], -1.0, 1.0))
+    psi = np.arctan2(C[:, 1, 0], C[:, 0, 0])
+    angles = np.stack([phi, theta, psi], axis=-1)
+    slopes: FloatArray = euler_rate_matrix(phi, theta) @ right_jacobian(u)
+    return angles, slopes

@@ -1,0 +1,21 @@
+"""The log: MCAP with protobuf, safe from a kill, read back record by record."""
+
+from avionics.recording.images import EncodedFrame
+from avionics.recording.logfile import refuse_existing
+from avionics.recording.reader import LoggedRecord, LogReader
+from avionics.recording.recorder import Recorder
+from avionics.recording.recover import Recovery, recover
+from avionics.recording.scan import Damage
+from avionics.recording.writer import LogWriter
+
+__all__ = [
+    "Damage",
+    "EncodedFrame",
+    "LogReader",
+    "LogWriter",
+    "LoggedRecord",
+    "Recorder",
+    "Recovery",
+    "recover",
+    "refuse_existing",
+]

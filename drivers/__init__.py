@@ -1,0 +1,1 @@
+"""Hardware in, samples out. Knows nothing of the application above it."""

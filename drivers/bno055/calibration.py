@@ -1,0 +1,76 @@
+"""Calibration offsets of the chips, kept by the chip's unique id in one JSON file."""
+
+import json
+from pathlib import Path
+from typing import Protocol
+
+from drivers.bno055.registers import CALIBRATION_LENGTH
+from drivers.errors import FrameFormatError
+
+
+class CalibrationStore(Protocol):
+    """Where the 22 calibration bytes of a chip are kept."""
+
+    def load(self, uid: bytes) -> bytes | None:
+        """Return the bytes of one chip, None if there are none."""
+        ...
+
+    def save(self, uid: bytes, data: bytes) -> None:
+        """Keep the bytes of one chip."""
+        ...
+
+
+class CalibrationFile:
+    """A JSON object, unique id to calibration block, both in hexadecimal.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it need not exist yet.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def load(self, uid: bytes) -> bytes | None:
+        """Return the bytes of one chip, None if there are none.
+
+        Raises
+        ------
+        FrameFormatError
+            If the file or the entry is malformed.
+        """
+        text = self._read().get(uid.hex())
+        if text is None:
+            return None
+        try:
+            data = bytes.fromhex(text)
+        except (ValueError, TypeError):
+            data = b""
+        if len(data) != CALIBRATION_LENGTH:
+            msg = (
+                f"{self._path}: calibration of chip {uid.hex()} is {text!r:.60}, expected "
+                f"{CALIBRATION_LENGTH} bytes in hexadecimal"
+            )
+            raise FrameFormatError(msg)
+        return data
+
+    def save(self, uid: bytes, data: bytes) -> None:
+        """Keep the bytes of one chip; the file is replaced in one step."""
+        entries = {**self._read(), uid.hex(): data.hex()}
+        draft = self._path.with_suffix(".tmp")
+        draft.write_text(json.dumps(entries, indent=2) + "\n", encoding="utf-8")
+        draft.replace(self._path)
+
+    def _read(self) -> dict[str, str]:
+        try:
+            entries = json.loads(self._path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError) as error:
+            msg = f"{self._path}: cannot be read as calibration file: {error}"
+            raise FrameFormatError(msg) from error
+        if not isinstance(entries, dict):
+            msg = f"{self._path}: holds {type(entries).__name__}, expected an object"
+            raise FrameFormatError(msg)
+        return entries

@@ -1,0 +1,310 @@
+"""One BNO055: bring-up, burst reads with screening, and the watch over its state.
+
+Nothing here waits: what takes time is a generator of instants, and the owner of the bus decides
+how to spend them.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.bno055 import registers as reg
+from drivers.bno055.bring_up import BringUp, ChipState, Settings
+from drivers.bno055.calibration import CalibrationStore
+from drivers.bno055.ports import RegisterPort
+from drivers.bno055.registers import Mode
+from drivers.bno055.screening import Words, agree, is_all_zero, is_suspicious, words
+from drivers.clock import Clock
+from drivers.errors import BusError, DriverError, FrameFormatError
+from drivers.samples import ImuSample
+
+FloatArray = NDArray[np.float64]
+
+# A second look costs one burst, so these may be passed by a hard manoeuvre.
+GYRO_STEP_RAD_S = 3.5
+ACCEL_STEP_M_S2 = 60.0
+# The chip makes data as often as it is read; noise alone moves some bit of the next burst.
+STALE_AFTER = 5
+FROZEN_AFTER = 25
+LONGEST_LEAD_NS = 30_000_000
+ADDRESS_BYTES = 3
+REPEATS_BEFORE_PAGE_CHECK = 3
+
+
+class Bno055:
+    """One chip.
+
+    Parameters
+    ----------
+    port : RegisterPort
+        How its registers are reached.
+    clock : Clock
+        The steady clock.
+    pod : str
+        Identifier that the samples carry.
+    settings : Settings
+        Mode, range, bandwidth, crystal.
+    calibrations : CalibrationStore or None
+        Where calibration offsets are kept by chip.
+
+    Attributes
+    ----------
+    counters : Counter of str
+        What went wrong how often, by name.
+    """
+
+    def __init__(
+        self,
+        port: RegisterPort,
+        clock: Clock,
+        *,
+        pod: str,
+        settings: Settings | None = None,
+        calibrations: CalibrationStore | None = None,
+    ) -> None:
+        self.pod = pod
+        self.settings = settings if settings is not None else Settings()
+        self.counters: Counter[str] = Counter()
+        self.state: ChipState | None = None
+        self._port = port
+        self._clock = clock
+        self._calibrations = calibrations
+        mode = self.settings.mode
+        self._first = reg.ACC_DATA if mode.has_accel else reg.GYR_DATA
+        self._length = reg.GYR_DATA + 6 - self._first
+        gyro_step = round(GYRO_STEP_RAD_S / self.settings.gyro_scale_rad_s)
+        limits = [gyro_step] * 3
+        if mode.has_accel:
+            accel_step = round(ACCEL_STEP_M_S2 / reg.ACCEL_SCALE_M_S2)
+            limits = [accel_step] * 3 + [1 << 16] * 3 + limits
+        self._step_limit: Words = np.array(limits, dtype=np.int32)
+        self._previous: Words | None = None
+        self._slope: FloatArray | None = None
+        self._previous_ns = 0
+        self._repeats = 0
+        self._frozen_after = FROZEN_AFTER
+        self._is_doubtful = self._is_verified = False
+
+    @property
+    def name(self) -> str:
+        """What messages and counters call the chip."""
+        return f"pod {self.pod}"
+
+    @property
+    def all_counters(self) -> dict[str, int]:
+        """Counters of the chip and of its port together."""
+        return dict(self.counters + self._port.counters)
+
+    def bring_up(self, *, reset: bool = False) -> Iterator[int]:
+        """Identify, configure and verify; yields the steady times at which to go on.
+
+        Raises
+        ------
+        DriverError
+            If the chip is not there, is another one, or does not take its settings.
+        """
+        self.state = None
+        sequence = BringUp(
+            self._port,
+            self._clock,
+            name=self.name,
+            settings=self.settings,
+            calibrations=self._calibrations,
+            counters=self.counters,
+        )
+        yield from sequence.steps(reset=reset)
+        self.state = sequence.state
+        self._forget()
+
+    def open(self, *, reset: bool = False) -> None:
+        """Bring the chip up and wait for it.
+
+        Raises
+        ------
+        DriverError
+            As ``bring_up``.
+        """
+        for t_ns in self.bring_up(reset=reset):
+            self._clock.sleep_until_ns(t_ns)
+
+    def read(self, seq: int) -> ImuSample | None:
+        """Return one screened sample, or None if what came was rubbish (and counted).
+
+        Parameters
+        ----------
+        seq : int
+            Sequence number that the sample gets.
+
+        Raises
+        ------
+        BusError, FrameFormatError
+            If the burst and its repetition failed.
+        """
+        t_ns, values = self._burst()
+        expected = self._expected(t_ns)
+        if expected is not None and is_suspicious(values, expected, self._step_limit):
+            second = self._second_look(values, expected)
+            if second is None:
+                return None
+            t_ns, values = second
+        if not self._is_alive(values):
+            return None
+        self._remember(t_ns, values)
+        self.counters["samples"] += 1
+        return self._sample(t_ns, seq, values)
+
+    def ailment(self) -> str | None:
+        """Return what is wrong with the chip's state, or None; to be asked about once a second.
+
+        Raises
+        ------
+        BusError, FrameFormatError
+            If it cannot be asked.
+        """
+        self._is_doubtful = False
+        if self._put_page_back():
+            return None
+        block = self._port.read(reg.SYS_STATUS, reg.PWR_MODE - reg.SYS_STATUS + 1)
+        error = block[reg.SYS_ERR - reg.SYS_STATUS]
+        mode = block[reg.OPR_MODE - reg.SYS_STATUS] & 0x0F
+        units = block[reg.UNIT_SEL - reg.SYS_STATUS]
+        if mode != self.settings.mode:
+            return f"OPR_MODE reads 0x{mode:02X}, expected 0x{self.settings.mode:02X}"
+        if error:
+            return f"SYS_ERR reads 0x{error:02X}, expected 0x00"
+        if units != reg.UNITS:
+            return f"UNIT_SEL reads 0x{units:02X}, expected 0x{reg.UNITS:02X}"
+        self._is_verified = True
+        return None
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the last data call for ``ailment`` now."""
+        return self._is_doubtful
+
+    @property
+    def is_frozen(self) -> bool:
+        """Whether the data have not moved for so long that only a reset may help."""
+        return self._repeats >= self._frozen_after
+
+    def expect_still_data(self) -> None:
+        """Wait twice as long before the next verdict of frozen data: a reset did not help."""
+        self._frozen_after *= 2
+
+    def save_calibration(self) -> Iterator[int]:
+        """Store the present offsets under the chip's id; yields instants to wait for.
+
+        The chip shows them in CONFIG mode only, so about 40 ms of samples are lost.
+
+        Raises
+        ------
+        DriverError
+            If there is no store, the chip is not up, or the bus fails.
+        """
+        if self._calibrations is None or self.state is None:
+            msg = f"{self.name}: no calibration store, or the chip is not up"
+            raise DriverError(msg)
+        for mode in (Mode.CONFIG, self.settings.mode):
+            self._port.write(reg.OPR_MODE, bytes((mode,)))
+            yield self._clock.now_ns() + reg.MODE_SWITCH_NS
+            if mode is Mode.CONFIG:
+                block = self._port.read(reg.CALIBRATION, reg.CALIBRATION_LENGTH)
+                self._calibrations.save(self.state.uid, block)
+
+    def _forget(self) -> None:
+        self._previous = self._slope = None
+        self._repeats = 0
+        self._is_doubtful = self._is_verified = False
+
+    def _burst(self) -> tuple[int, Words]:
+        """Return when the chip took its data, ns, and the words.
+
+        A burst is of one piece: the chip takes it when the data begin, after three bytes of
+        addresses on I2C and with the end of the request on UART.
+        """
+        before_ns = self._clock.now_ns()
+        try:
+            data = self._port.read(self._first, self._length)
+        except (BusError, FrameFormatError):
+            self.counters["retries"] += 1
+            before_ns = self._clock.now_ns()
+            data = self._port.read(self._first, self._length)
+        taken_ns = self._port.taken_ns
+        if taken_ns is None:
+            whole_ns = self._clock.now_ns() - before_ns
+            taken_ns = before_ns + whole_ns * ADDRESS_BYTES // (ADDRESS_BYTES + self._length)
+        return taken_ns, words(data)
+
+    def _expected(self, t_ns: int) -> Words | None:
+        """Return the last good burst, led on by its slope; None if there is none."""
+        if self._previous is None or self._slope is None:
+            return self._previous
+        elapsed_ns = t_ns - self._previous_ns
+        if elapsed_ns > LONGEST_LEAD_NS:
+            return self._previous
+        return np.asarray(self._previous + self._slope * elapsed_ns, dtype=np.int32)
+
+    def _remember(self, t_ns: int, values: Words) -> None:
+        elapsed_ns = t_ns - self._previous_ns
+        self._slope = None
+        if self._previous is not None and 0 < elapsed_ns <= LONGEST_LEAD_NS:
+            self._slope = (values - self._previous) / elapsed_ns
+        self._previous, self._previous_ns = values, t_ns
+
+    def _second_look(self, values: Words, expected: Words) -> tuple[int, Words] | None:
+        """Return a burst to believe after a suspicious one."""
+        t_ns, second = self._burst()
+        if not is_suspicious(second, expected, self._step_limit):
+            if is_suspicious(values, second, self._step_limit):
+                self.counters["spikes"] += 1
+            return t_ns, second
+        if agree(second, values, self._step_limit) and not self._put_page_back():
+            return t_ns, second  # the wing did move like this
+        self.counters["rejected"] += 1
+        return None
+
+    def _put_page_back(self) -> bool:
+        """Select page 0 if the chip stands on page 1."""
+        # Only bit 0: a false bit 7 must not look like a wrong page.
+        if not self._port.read(reg.PAGE_ID, 1)[0] & 1:
+            return False
+        self.counters["wrong_page"] += 1
+        self._port.write(reg.PAGE_ID, b"\x00")
+        self._forget()
+        return True
+
+    def _is_alive(self, values: Words) -> bool:
+        """Count repeats and refuse stale data.
+
+        All-zero data are refused at once, unless a gyro alone may show them at rest.
+        """
+        is_zero = is_all_zero(values)
+        if not is_zero and (self._previous is None or not np.array_equal(values, self._previous)):
+            self._repeats = 0
+            self._is_doubtful = self._is_verified = False
+            self._frozen_after = FROZEN_AFTER
+            return True
+        self._repeats += 1
+        self._is_doubtful |= is_zero and not self._is_verified
+        self._is_doubtful |= self._repeats % FROZEN_AFTER == REPEATS_BEFORE_PAGE_CHECK
+        if is_zero and (self.settings.mode.has_accel or not self._is_verified):
+            self.counters["all_zero"] += 1
+            return False
+        self.counters["repeated"] += 1
+        if self._repeats >= STALE_AFTER:
+            self.counters["stale"] += 1
+            return False
+        return True
+
+    def _sample(self, t_ns: int, seq: int, values: Words) -> ImuSample:
+        state, mode = self.state, self.settings.mode
+        real = values.astype(np.float64)
+        rate = real[-3:] * self.settings.gyro_scale_rad_s
+        force = real[:3] * reg.ACCEL_SCALE_M_S2 if mode.has_accel else None
+        if state is not None:
+            rate -= state.gyro_offset_rad_s
+            force = None if force is None else force - state.accel_offset_m_s2
+        flux = real[3:6] * reg.MAG_SCALE_T if mode.has_mag else None
+        return ImuSample(t_ns, self.pod, seq, rate, force, flux)

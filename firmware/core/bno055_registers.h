@@ -1,0 +1,31 @@
+/* Registers and values of the BNO055 that the pod uses: data sheet rev. 1.4, Secs. 3.3 and 4. */
+#ifndef BNO055_REGISTERS_H
+#define BNO055_REGISTERS_H
+
+#define BNO055_CHIP_ID 0x00U
+#define BNO055_PAGE_ID 0x07U
+#define BNO055_ACC_DATA 0x08U
+#define BNO055_GYR_DATA 0x14U
+#define BNO055_TEMP 0x34U
+#define BNO055_CALIB_STAT 0x35U
+#define BNO055_SYS_ERR 0x3AU
+#define BNO055_UNIT_SEL 0x3BU
+#define BNO055_OPR_MODE 0x3DU
+#define BNO055_PWR_MODE 0x3EU
+#define BNO055_SYS_TRIGGER 0x3FU
+
+#define BNO055_PAGE1_GYR_CONFIG_0 0x0AU
+#define BNO055_PAGE1_UNIQUE_ID 0x50U
+
+#define BNO055_CHIP_ID_VALUE 0xA0U
+#define BNO055_ACC_ID_VALUE 0xFBU
+#define BNO055_MAG_ID_VALUE 0x32U
+#define BNO055_GYR_ID_VALUE 0x0FU
+
+/* m/s^2, deg/s, degrees, Celsius. */
+#define BNO055_UNITS_VALUE 0x00U
+#define BNO055_MODE_MASK 0x0FU
+#define BNO055_TRIGGER_RESET 0x20U
+#define BNO055_TRIGGER_CRYSTAL 0x80U
+
+#endif

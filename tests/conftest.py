@@ -1,0 +1,27 @@
+"""Fixtures that every test may use; the tiers are in ``sim_bus.kernel.pytest_plugin``."""
+
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+SHARED = Path(__file__).resolve().parents[1].parent / "shared"
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of the recorded data beside the project."""
+    path = SHARED / "data"
+    if not path.is_dir():
+        pytest.skip("recorded data (../shared/data) is absent")
+    return path
+
+
+@pytest.fixture
+def vcan() -> Iterator[str]:
+    """A virtual CAN bus that is up; for tests in a guest, whose kernel is theirs."""
+    for words in (("add", "vcan5", "type", "vcan"), ("set", "vcan5", "up")):
+        subprocess.run(["ip", "link", *words], check=True, capture_output=True)
+    yield "vcan5"
+    subprocess.run(["ip", "link", "del", "vcan5"], check=False, capture_output=True)

@@ -1,0 +1,102 @@
+"""The command line's contract: help, exit status, errors in one or two lines, no overwriting."""
+
+from pathlib import Path
+
+import pytest
+
+COMMANDS = [
+    ("run",),
+    ("sim",),
+    ("doctor",),
+    ("import",),
+    ("replay",),
+    ("evaluate",),
+    ("export",),
+    ("report",),
+    ("info",),
+    ("recover",),
+    ("rig", "run"),
+    ("rig", "doctor"),
+    ("rig", "serve"),
+    ("rig", "start"),
+    ("rig", "status"),
+    ("rig", "stop"),
+    ("rig", "join"),
+    ("rig", "fault", "on"),
+    ("rig", "fault", "off"),
+    ("rig", "fault", "list"),
+    ("pos", "run"),
+    ("pos", "design"),
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_every_command_has_help_with_an_example(avionics, command) -> None:
+    done = avionics(*command, "--help")
+    assert done.status == 0
+    assert "avionics " + " ".join(command) in done.out.split("Example", 1)[1]
+
+
+def wrong(done, status: int, *words: str) -> None:
+    assert done.status == status, done
+    assert 1 <= len(done.err.strip().splitlines()) <= 3, done.err
+    assert "Traceback" not in done.err
+    for word in words:
+        assert word in done.err, done.err
+
+
+def test_unknown_configuration_key_names_file_and_key(avionics, tmp_path: Path) -> None:
+    config = tmp_path / "wing.toml"
+    config.write_text("[wing]\nspan_m = 1.5\nspann = 2\n")
+    wrong(avionics("doctor", config), 1, str(config), "wing.spann")
+
+
+def test_missing_configuration_names_the_path(avionics, tmp_path: Path) -> None:
+    wrong(avionics("run", tmp_path / "none.toml"), 1, "none.toml")
+
+
+def test_wrong_override_names_it(avionics) -> None:
+    wrong(avionics("sim", "--set", "estimator.gate", "--duration", "1"), 1, "key=value")
+    wrong(avionics("sim", "--set", "estimator.from=paper"), 1, "estimator.from")
+
+
+def test_existing_output_is_refused_with_status_2(avionics, tmp_path: Path) -> None:
+    taken = tmp_path / "taken.mcap"
+    taken.write_bytes(b"precious")
+    wrong(avionics("sim", "--duration", "1", "-o", taken), 2, "--force")
+    assert taken.read_bytes() == b"precious"
+
+
+def test_output_into_a_missing_folder(avionics, tmp_path: Path) -> None:
+    wrong(avionics("sim", "--duration", "1", "-o", tmp_path / "no" / "x.mcap"), 1, "no")
+
+
+@pytest.mark.parametrize("command", ["evaluate", "info", "export", "report"])
+def test_missing_log(avionics, tmp_path: Path, command: str) -> None:
+    output = () if command in ("evaluate", "info") else ("-o", tmp_path / "out")
+    wrong(avionics(command, tmp_path / "none.mcap", *output), 1, "none.mcap")
+
+
+@pytest.mark.parametrize("command", ["evaluate", "info", "export", "report"])
+@pytest.mark.parametrize("content", [b"", b"not a log at all, but text"], ids=["empty", "text"])
+def test_foreign_log(avionics, tmp_path: Path, command: str, content: bytes) -> None:
+    log = tmp_path / "foreign.mcap"
+    log.write_bytes(content)
+    output = () if command in ("evaluate", "info") else ("-o", tmp_path / "out")
+    wrong(avionics(command, log, *output), 1, "foreign.mcap")
+
+
+def test_unknown_scenario_lists_the_known_ones(avionics, tmp_path: Path) -> None:
+    done = avionics("sim", "--scenario", "hurricane", "-o", tmp_path / "x.mcap")
+    wrong(done, 1, "hurricane", "default")
+
+
+def test_hardware_that_is_not_there(avionics, tmp_path: Path) -> None:
+    config = tmp_path / "wing.toml"
+    config.write_text(
+        '[wing]\nspan_m = 1.5\n[[pods]]\nid = 0\ns_m = 0.6\nlink = { kind = "i2c", bus = 251 }\n'
+    )
+    wrong(avionics("run", config, "--duration", "1", "-o", tmp_path / "x.mcap"), 1, "i2c-251")
+    done = avionics("doctor", config)
+    assert done.status == 1
+    assert "i2c-251" in done.out
