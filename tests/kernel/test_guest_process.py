@@ -12,10 +12,14 @@ import pytest
 from sim_bus.kernel.guest import STATUS_DIED, prepare, run_to_the_end
 
 RUN = """
+import signal
 import sys
 from pathlib import Path
 from sim_bus.kernel.guest import prepare, run_to_the_end
 
+# A test run under nohup, or in the background, has them ignored.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
 out = Path(sys.argv[1])
 prepare(out, ["true"], [])
 run_to_the_end(["sh", "-c", sys.argv[2]], out, limit_s=60, echo=True)
