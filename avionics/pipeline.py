@@ -8,7 +8,7 @@ import numpy as np
 from avionics.config import Config
 from avionics.health import HealthLog
 from avionics.imu_input import ImuChannel
-from avionics.outbox import Outbox
+from avionics.outbox import BatchSink, Outbox, RowWriter
 from avionics.records import MarkerPrediction, MarkerTracks
 from avionics.rows import ROWS_PER_COVARIANCE, RowMaker, Seen, Tick
 from avionics.topics import Record, Sink, topic_of
@@ -43,11 +43,11 @@ class Pipeline:
     ----------
     config : Config
         What flies.
-    sink : Sink
+    sink : Sink or BatchSink
         Takes every record: those received and those made.
     """
 
-    def __init__(self, config: Config, sink: Sink) -> None:
+    def __init__(self, config: Config, sink: Sink | BatchSink) -> None:
         self._config = config
         camera = pinhole_from_config(config.camera) if config.camera else None
         self._camera = f"camera {config.camera.name}" if config.camera else "camera"
@@ -60,11 +60,9 @@ class Pipeline:
         self._hypotheses = marker_hypotheses(model, prior)
         self._fusion = WingFusion(settings, model, paper_model)
         self._gs = _distributed_pos(config, settings)
-        beliefs = self._fusion.beliefs
-        self._rows = RowMaker(config, model, paper_model, beliefs, has_bias=settings.has_bias)
+        self._rows = RowMaker(config)
         self._sink = Outbox(
-            sink,
-            self._rows,
+            sink if isinstance(sink, BatchSink) else RowWriter(self._rows, sink),
             at_once=config.estimator.rows_at_once,
         )
         self._health = HealthLog(self._sink)

@@ -10,6 +10,7 @@ import argparse
 import csv
 import resource
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
@@ -130,13 +131,13 @@ def main() -> None:
         paper = folder / "paper.mcap"
         for form, output, target in (("general", folder / "fused.mcap", 8), ("paper", paper, 25)):
             choice = (f"estimator.form={form}",)
-            start_s = cpu_s()
+            start_s = time.perf_counter()
             replay(flown, output, overrides=choice, images=False, force=True)
-            whole_s, start_s = cpu_s() - start_s, cpu_s()
+            whole_s, start_s = time.perf_counter() - start_s, cpu_s()
             fuse(flown, choice)
             print(
-                f"{form}: read and fused {FLIGHT_S / (cpu_s() - start_s):.1f}x real time, "
-                f"written too {FLIGHT_S / whole_s:.1f}x (target >= {target}x)"
+                f"{form}: read and fused {FLIGHT_S / (cpu_s() - start_s):.1f}x real time (CPU), "
+                f"written too, on two cores {FLIGHT_S / whole_s:.1f}x (wall) (target >= {target}x)"
             )
         show("paper", paper)
         for name in ("kcf", "csrt"):

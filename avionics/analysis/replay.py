@@ -9,7 +9,8 @@ from avionics.config import Config
 from avionics.config_file import apply_overrides, parse_config
 from avionics.errors import RecordingError
 from avionics.pipeline import Pipeline
-from avionics.recording import EncodedFrame, LogReader, LogWriter
+from avionics.recording import EncodedFrame, LogReader
+from avionics.recording.log_process import LogProcess
 from avionics.records import Event, Health, MarkerTracks, Truth
 from avionics.topics import topic_of
 from drivers.samples import Frame, ImuSample
@@ -95,7 +96,7 @@ def replay(
     attachments = {
         name: data for name, data in reader.attachments.items() if not name.startswith("config.")
     }
-    with LogWriter(
+    with LogProcess(
         output,
         flown,
         utc_offset_ns=reader.utc_offset_ns,
@@ -119,7 +120,7 @@ def _configuration(config: Config, overrides: tuple[str, ...], tracker: str | No
 
 
 class _Replay:
-    def __init__(self, config: Config, writer: LogWriter, *, track: bool, images: bool) -> None:
+    def __init__(self, config: Config, writer: LogProcess, *, track: bool, images: bool) -> None:
         self._images, self._track = images, track
         self._pipeline = Pipeline(config, writer)
         self._tracker: Tracker | None = None

@@ -1,64 +1,23 @@
 """RG-WSE and CRG-WSE side by side: rates and sightings in, states out. Pure; knows no records."""
 
 from collections import deque
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.wse.gyro_step import GyroStep, stacked
+from avionics.wse.gyro_step import GyroStep
 from avionics.wse.history import History, Node
 from avionics.wse.inputs import GyroInputs
 from avionics.wse.measurement import MarkerModel
 from avionics.wse.motion import Motion
-from avionics.wse.process import Process
+from avionics.wse.outlook import Belief, Extrapolation, Outlook
 from avionics.wse.settings import FilterSettings
 from avionics.wse.standalone import StandaloneEstimate
 from avionics.wse.trust import Sighting, Trust, UpdateRules, Verdict
 from avionics.wse.update import MarkerUpdate
 
 Array = NDArray[Any]
-
-
-class Belief(NamedTuple):
-    """State and covariance at one instant.
-
-    Attributes
-    ----------
-    x : ndarray, shape (size,)
-        Amplitudes, biases, time offset; (rows, size) in a stack.
-    P : ndarray, shape (size, size)
-        Its covariance.
-    """
-
-    x: Array
-    P: Array
-
-
-class Outlook(NamedTuple):
-    """What is known at a tick, and the step ahead of the gyros that leads there.
-
-    Attributes
-    ----------
-    rg, crg : Belief
-        Of both estimators; the covariance may be older than the state.
-    step : GyroStep or None
-        From the states to the tick; None where they are the tick's already.
-    since_s : float
-        From the instant of the camera-aided covariance to the tick, s.
-    scale : float
-        Factor on the variance of the unseen rates.
-    guess_error : ndarray, shape (M, 3)
-        Mean square error of the turns guessed ahead of the gyros, rad^2.
-    """
-
-    rg: Belief
-    crg: Belief
-    step: GyroStep | None = None
-    since_s: float = 0.0
-    scale: float = 1.0
-    guess_error: Array | None = None
 
 
 class WingFusion:
@@ -81,13 +40,7 @@ class WingFusion:
         s = settings
         self._period_ns = s.step_ns
         self.inputs = GyroInputs(s.rates, s.pod_period_ns)
-        self._process = Process(
-            s.rates,
-            s.noise,
-            has_bias=s.has_bias,
-            has_unseen=s.has_unseen,
-            has_offset=s.has_offset,
-        )
+        self._process = s.process()
         update = MarkerUpdate(
             model,
             self._process.size,
@@ -98,7 +51,8 @@ class WingFusion:
             row_time=s.row_time,
         )
         self._history = History(self._process, update, self.inputs.step, s.history_ns)
-        self._paper_process = Process(s.paper_rates, s.paper_noise, has_bias=True)
+        self._paper_process = s.paper_process()
+        self._extrapolation = Extrapolation(s.rates, self._process, self._paper_process)
         self._paper_fit = MarkerUpdate(
             paper_model,
             2,
@@ -212,7 +166,7 @@ class WingFusion:
 
     def _ahead(self, node: Node, step: GyroStep) -> Belief:
         belief = self._drifted(node, self._process.move(node.x, step)[0], step)
-        return Belief(belief.x, self._widened(belief.P, step, self._guess_error))
+        return Belief(belief.x, self._extrapolation.widened(belief.P, step, self._guess_error))
 
     def row(self, tick_ns: int) -> Outlook:
         """Return what is known for a tick, and remember the guess to learn from it."""
@@ -236,35 +190,6 @@ class WingFusion:
             last.trust.scale(step.live),
             self._guess_error,
         )
-
-    def beliefs(self, outlooks: Sequence[Outlook]) -> tuple[Belief, Belief]:
-        """Return (RG-WSE, CRG-WSE) as flown at some ticks, stacked; one batched call for all."""
-        rg_x = np.array([outlook.rg.x for outlook in outlooks])
-        x = np.array([outlook.crg.x for outlook in outlooks])
-        P = np.array([outlook.crg.P for outlook in outlooks])
-        alike: dict[object, list[int]] = {}
-        for i, outlook in enumerate(outlooks):
-            if outlook.step is not None:
-                alike.setdefault(outlook.step.kind, []).append(i)
-        for at in alike.values():
-            some = [outlooks[i] for i in at]
-            step = stacked([outlook.step for outlook in some if outlook.step is not None])
-            rg_x[at] = self._paper_process.move(rg_x[at], step)[0]
-            x[at] = self._process.move(x[at], step)[0]
-            since = np.array([outlook.since_s for outlook in some])
-            scale = np.array([outlook.scale for outlook in some])
-            error = np.array([outlook.guess_error for outlook in some])
-            P[at] = self._widened(self._process.drifted(P[at], since, step, scale), step, error)
-        return Belief(rg_x, np.array([outlook.rg.P for outlook in outlooks])), Belief(x, P)
-
-    def _widened(self, P: Array, step: GyroStep, error: Array) -> Array:
-        """Add how wrong the turns guessed ahead of the gyros were so far."""
-        inverse = self.settings.rates.inverse(step.live)
-        families = (inverse.phi, inverse.theta, inverse.psi)
-        added = [error[..., axis] @ family**2 for axis, family in enumerate(families)]
-        diagonal = np.arange(self.settings.basis.count)
-        P[..., diagonal, diagonal] += np.concatenate(added, axis=-1)
-        return P
 
     def _learn(self, t_ns: int, step: GyroStep) -> None:
         """Compare the turn that was guessed up to ``t_ns`` with what the gyros said since.

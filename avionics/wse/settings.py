@@ -76,6 +76,20 @@ class FilterSettings:
         """The camera-aided filter's modes."""
         return self.rates.basis
 
+    def process(self) -> Process:
+        """Return the camera-aided filter's time update."""
+        return Process(
+            self.rates,
+            self.noise,
+            has_bias=self.has_bias,
+            has_unseen=self.has_unseen,
+            has_offset=self.has_offset,
+        )
+
+    def paper_process(self) -> Process:
+        """Return that of RG-WSE, whose biases stay zero."""
+        return Process(self.paper_rates, self.paper_noise, has_bias=True)
+
     def start_P(self, process: Process) -> Array:
         """Return the covariance before anything is known."""
         n = len(self.prior)

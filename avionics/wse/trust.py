@@ -45,7 +45,8 @@ class UpdateRules:
     gate : float
         Radius of the per-marker gate, in sigmas.
     adapt : bool
-        Whether the noise found in the innovations is added to the tracks' own.
+        Whether the noise found in the innovations replaces ``start_noise``, and is added to the
+        tracks' own in the update as in the gate; without it only the gate is wider.
     floor : float
         Smallest noise found in the innovations, px.
     start_noise : float

@@ -108,7 +108,8 @@ class MarkerUpdate:
         )
         if not inside.any():
             return x, P, after, verdict
-        after = self._adapted(after, y[inside], H[inside], P, noise[inside], live=motion.live)
+        if self._rules.adapt:
+            after = self._adapted(after, y[inside], H[inside], P, noise[inside], live=motion.live)
         x, P, nis = self._iterate(x, P, after, sighting, motion, used=inside, first=(view, H))
         return x, P, after, replace(verdict, nis=nis)
 
