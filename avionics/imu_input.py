@@ -150,7 +150,7 @@ class ImuChannel:
         if not all(map(math.isfinite, axes)) or not self._screen.passes(axes):
             self._health.count(self._source, "spikes")
             shown = np.degrees(sample.rate_rad_s).round(1).tolist()
-            message = f"{self._source}: rate {shown} deg/s rejected"
+            message = f"rate {shown} deg/s rejected"
             self._health.tell(self._source, "warning", message, arrival_ns)
             return None
         x, y, z = axes
@@ -175,7 +175,7 @@ class ImuChannel:
     def _end_silence(self, arrival_ns: int) -> None:
         if self.is_silent and self._arrived_ns is not None:
             away_s = (arrival_ns - self._arrived_ns) * 1e-9
-            message = f"{self._source}: back after {away_s:.2f} s"
+            message = f"back after {away_s:.2f} s"
             self._health.tell(self._source, "info", message, arrival_ns)
             self.is_silent = False
         self._arrived_ns = arrival_ns
@@ -186,5 +186,4 @@ class ImuChannel:
             return
         if now_ns - self._arrived_ns > SILENCE_S * 1e9:
             self.is_silent = True
-            message = f"{self._source}: silent; going on without it"
-            self._health.tell(self._source, "warning", message, now_ns)
+            self._health.tell(self._source, "warning", "silent; going on without it", now_ns)

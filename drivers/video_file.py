@@ -1,5 +1,6 @@
 """A recorded video as a camera that plays at its own rate."""
 
+import os
 from collections import Counter
 from pathlib import Path
 
@@ -10,6 +11,14 @@ from drivers.clock import Clock
 from drivers.errors import DeviceNotFoundError
 from drivers.events import Event, EventList
 from drivers.samples import Frame
+
+
+def open_video(path: Path) -> cv2.VideoCapture | None:
+    """Return an open video, or None if OpenCV cannot read it."""
+    # What is wrong with a file is ours to say; FFmpeg would print lines of its own before.
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    capture = cv2.VideoCapture(str(path))
+    return capture if capture.isOpened() else None
 
 
 class VideoFile:
@@ -39,10 +48,11 @@ class VideoFile:
         if not path.is_file():
             msg = f"{self.name}: {path} does not exist; give the path of a video file"
             raise DeviceNotFoundError(msg)
-        self._capture = cv2.VideoCapture(str(path))
-        if not self._capture.isOpened():
+        capture = open_video(path)
+        if capture is None:
             msg = f"{self.name}: {path} is not a video that OpenCV can read"
             raise DeviceNotFoundError(msg)
+        self._capture = capture
         self.fps = fps or self._capture.get(cv2.CAP_PROP_FPS) or 30.0
         self.counters: Counter[str] = Counter()
         self._path = path

@@ -17,6 +17,7 @@ from avionics.analysis.tables_in import CsvColumns, Skips, read_csv
 from avionics.analysis.wing_yaml import WingDescription, read_wing_yaml
 from avionics.errors import DataSetError
 from avionics.records import FloatArray
+from drivers.video_file import open_video
 
 TimeArray = NDArray[np.int64]
 VIDEO_SUFFIXES = (".mkv", ".mp4", ".avi", ".mov")
@@ -130,11 +131,11 @@ def video_pictures(path: Path) -> Iterator[NDArray[np.uint8]]:
     DataSetError
         If the file is no video that this OpenCV reads.
     """
-    capture = cv2.VideoCapture(str(path))
+    capture = open_video(path)
+    if capture is None:
+        msg = f"{path}: is no video that OpenCV can read; is it whole?"
+        raise DataSetError(msg)
     try:
-        if not capture.isOpened():
-            msg = f"{path}: is no video that OpenCV can read; is it whole?"
-            raise DataSetError(msg)
         while True:
             is_there, image = capture.read()
             if not is_there:

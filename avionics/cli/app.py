@@ -1,7 +1,7 @@
 """The `avionics` command: its groups, and how an error reaches the person at the terminal."""
 
 import sys
-from typing import Annotated
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -10,7 +10,8 @@ from avionics.errors import AvionicsError, OutputExistsError
 from drivers.errors import DriverError
 
 app = typer.Typer(
-    help="Avionics data logger and wing-shape estimator for flexible wings.",
+    help="Avionics data logger and wing-shape estimator for flexible wings.\n\n"
+    "Example: avionics sim --duration 10 -o sim.mcap",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -20,6 +21,10 @@ fly.register(app)
 desk.register(app)
 app.add_typer(rig.app, name="rig")
 app.add_typer(pos.app, name="pos")
+
+
+# The parent of every error of the command line, wherever this version of the library keeps it.
+COMMAND_LINE_ERROR: type[Exception] = typer.BadParameter.__mro__[2]
 
 
 def _print_version(wanted: bool) -> None:
@@ -49,7 +54,11 @@ def main() -> None:
     Exit status: 0 success, 1 the work failed, 2 the command line or an existing output file.
     """
     try:
-        app()
+        status = app(standalone_mode=False)
+    except typer.Abort:
+        _fail("interrupted", 130)
+    except COMMAND_LINE_ERROR as error:
+        _fail_usage(error)
     except OutputExistsError as error:
         _fail(error, 2)
     except (AvionicsError, DriverError) as error:
@@ -63,8 +72,22 @@ def main() -> None:
         _fail(f"{where}{error.strerror or error}", 1)
     except KeyboardInterrupt:
         _fail("interrupted", 130)
+    else:
+        if status == 130:
+            _fail("interrupted", 130)
+        sys.exit(status)
 
 
-def _fail(error: object, status: int) -> None:
+def _fail_usage(error: Any) -> NoReturn:
+    """Say what is wrong with the command line, and which help to read."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        error.show()
+        sys.exit(error.exit_code)
+    command = error.ctx.command_path if getattr(error, "ctx", None) else "avionics"
+    message = " ".join(error.format_message().split()).removesuffix(".")
+    _fail(f"{message}; see {command} --help", error.exit_code)
+
+
+def _fail(error: object, status: int) -> NoReturn:
     print(f"avionics: {error}", file=sys.stderr)
     sys.exit(status)

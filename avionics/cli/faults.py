@@ -7,7 +7,11 @@ import typer
 
 from avionics.errors import AvionicsError
 
-app = typer.Typer(help="Switch faults of a running bench on and off.", no_args_is_help=True)
+app = typer.Typer(
+    help="Switch faults of a running bench on and off.\n\n"
+    "Example: avionics rig fault on pod_silent 'pod 0' --for 2",
+    no_args_is_help=True,
+)
 Control = Annotated[
     Path | None, typer.Option("--control", metavar="SOCKET", help="Control socket of the bench.")
 ]

@@ -65,7 +65,7 @@ def run(
             progress_bar("flying", duration) as progress,
         ):
             run_live(rig, config, recorder, stop=stop, duration_s=duration, progress=progress)
-    _print_flight(path)
+    _print_flight(path, f"avionics info {path}")
 
 
 def sim(
@@ -93,6 +93,7 @@ def sim(
 
     Example: avionics sim --scenario oblique --duration 30 --seed 1 -o sim.mcap
     """
+    from avionics.analysis.evaluate import SETTLE_S  # noqa: PLC0415 (start-up)
     from avionics.cli.configuration import given_or_packaged  # noqa: PLC0415 (start-up)
     from avionics.recording import LogWriter, Recorder  # noqa: PLC0415 (start-up)
     from avionics.runner import run_live, run_lockstep  # noqa: PLC0415 (start-up)
@@ -125,12 +126,13 @@ def sim(
                 progress_bar("flying", length_s) as progress,
             ):
                 run_lockstep(rig, config, writer, duration_s=length_s, progress=progress)
-    _print_flight(path)
+    is_scored = length_s > SETTLE_S
+    _print_flight(path, f"avionics {'evaluate' if is_scored else 'info'} {path}")
 
 
-def _print_flight(path: Path) -> None:
+def _print_flight(path: Path, following: str) -> None:
     print(f"wrote {path} ({path.stat().st_size / 1e6:.1f} MB)")
-    print(f"next: avionics evaluate {path}; avionics report {path} -o report.html")
+    print(f"next: {following}; avionics report {path} -o report.html")
 
 
 def doctor(config_path: ConfigArgument) -> None:

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from avionics.analysis.pos_study import Study
 
 app = typer.Typer(
-    help="Distributed POS: transfer-alignment studies (Gong et al., Guo and Zhu).",
+    help="Distributed POS: transfer-alignment studies (Gong et al., Guo and Zhu).\n\n"
+    "Example: avionics pos run gong-table2 -o gong",
     no_args_is_help=True,
 )
 

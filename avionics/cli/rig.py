@@ -12,7 +12,11 @@ import typer
 from avionics.cli import bench
 from avionics.errors import AvionicsError
 
-app = typer.Typer(help="Real CAN, I2C and serial kernels without hardware.", no_args_is_help=True)
+app = typer.Typer(
+    help="Real CAN, I2C and serial kernels without hardware.\n\n"
+    "Example: avionics rig run -- candump vcan0",
+    no_args_is_help=True,
+)
 bench.register(app)
 
 

@@ -7,7 +7,6 @@ this module, started anew: nothing is forked, so the threads of the caller do no
 import contextlib
 import pickle
 import queue
-import signal
 import subprocess
 import sys
 import threading
@@ -67,6 +66,8 @@ class LogProcess:
             [sys.executable, "-c", f"from {__name__} import serve; serve()"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            # Ctrl-C is the parent's; this process ends when its pipe does.
+            start_new_session=True,
         )
         self._waiting: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
         self._waiting_bytes = 0
@@ -168,8 +169,6 @@ def _decoded(item: Item | _Coded, utc_offset_ns: int) -> Item:
 
 def serve() -> None:
     """Be the process: a log described on stdin, what went wrong on stdout."""
-    # Ctrl-C reaches the whole group; the parent ends the log.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         _write_log(sys.stdin.buffer)
     except AvionicsError as error:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+GROUPS = [(), ("rig",), ("rig", "fault"), ("pos",)]
 COMMANDS = [
     ("run",),
     ("sim",),
@@ -30,11 +31,11 @@ COMMANDS = [
 ]
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+@pytest.mark.parametrize("command", GROUPS + COMMANDS, ids=" ".join)
 def test_every_command_has_help_with_an_example(avionics, command) -> None:
     done = avionics(*command, "--help")
     assert done.status == 0
-    assert "avionics " + " ".join(command) in done.out.split("Example", 1)[1]
+    assert " ".join(("avionics", *command)) in done.out.split("Example", 1)[1]
 
 
 def wrong(done, status: int, *words: str) -> None:
@@ -43,6 +44,29 @@ def wrong(done, status: int, *words: str) -> None:
     assert "Traceback" not in done.err
     for word in words:
         assert word in done.err, done.err
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (("replay",), ("LOG.mcap", "avionics replay --help")),
+        (("sim", "--duration", "-1"), ("--duration", "avionics sim --help")),
+        (("sim", "--frobnicate"), ("--frobnicate",)),
+        (("rig", "nosuch"), ("nosuch", "avionics rig --help")),
+    ],
+    ids=" ".join,
+)
+def test_wrong_command_line_is_one_plain_line(avionics, command, words) -> None:
+    done = avionics(*command)
+    assert len(done.err.strip().splitlines()) == 1
+    wrong(done, 2, "avionics: ", *words)
+
+
+@pytest.mark.parametrize("group", GROUPS[1:], ids=" ".join)
+def test_group_without_a_command_shows_its_help(avionics, group) -> None:
+    done = avionics(*group)
+    assert done.status == 2
+    assert "Example: avionics " + " ".join(group) in done.out + done.err
 
 
 def test_unknown_configuration_key_names_file_and_key(avionics, tmp_path: Path) -> None:
