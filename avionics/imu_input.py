@@ -126,7 +126,8 @@ class ImuChannel:
         self._is_repeat = False
         self._arrived_ns: int | None = None
         self.is_silent = False
-        health.declare(source, "received", "lost", "repeated", "spikes", "disordered")
+        self._is_late = False
+        health.declare(source, "received", "lost", "repeated", "spikes", "disordered", "late")
 
     def take(self, sample: ImuSample, arrival_ns: int) -> tuple[int, list[float]] | None:
         """Return when a sample was true, ns, and its rate in model axes; None if it is not used."""
@@ -179,6 +180,26 @@ class ImuChannel:
             self._health.tell(self._source, "info", message, arrival_ns)
             self.is_silent = False
         self._arrived_ns = arrival_ns
+
+    def note_age(self, t_ns: int, known_ns: int, now_ns: int) -> None:
+        """Count a sample that came after the filter had gone on without it; say so when it is old.
+
+        Parameters
+        ----------
+        t_ns, known_ns, now_ns : int
+            When the sample was true, how far the filter is, and now, ns.
+        """
+        is_late = t_ns < known_ns
+        if is_late:
+            self._health.count(self._source, "late")
+        age_s = (now_ns - t_ns) * 1e-9
+        if is_late and age_s > SILENCE_S and not self._is_late:
+            self._is_late = True
+            message = f"samples come {age_s:.2f} s late; the estimator went on without them"
+            self._health.tell(self._source, "warning", message, now_ns)
+        elif self._is_late and not is_late:
+            self._is_late = False
+            self._health.tell(self._source, "info", "samples come in time again", now_ns)
 
     def watch(self, now_ns: int) -> None:
         """Say so once when nothing has come for a quarter of a second."""

@@ -85,7 +85,6 @@ class Pipeline:
         self._period_ns = settings.step_ns
         self._tick_ns: int | None = None
         self._now_ns = 0
-        self._last_row_ns = 0
         self._waiting: list[Sighting] = []
         self._verdict = NO_VERDICT
         self._fixed_pixel_sigma = config.estimator.pixel_sigma_px
@@ -102,6 +101,8 @@ class Pipeline:
         if taken is None:
             return
         t_ns, rate = taken
+        if self._fusion.has_begun:
+            channel.note_age(t_ns, self._fusion.known_ns, arrival_ns)
         for inputs in self._inputs():
             if sample.pod == ROOT:
                 is_newer = inputs.add_root(t_ns, rate)

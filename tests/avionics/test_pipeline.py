@@ -223,3 +223,21 @@ def test_a_jump_of_the_clock_begins_anew_without_a_million_rows(flight) -> None:
     assert any("starting anew" in e.message for e in sink.events())
     assert np.isfinite(sink.estimates("crg")[-1].tip_sigma_m).all()
     assert sink.estimates("crg")[-1].tip_sigma_m.max() < 0.02
+
+
+def test_samples_that_come_late_are_counted_and_told_of_once(flight) -> None:
+    # GIVEN samples from the second second that were held up until the third
+    held = (EPOCH_NS + 1_000_000_000, EPOCH_NS + 2_000_000_000)
+    events = [
+        (max(arrival, held[1]) if held[0] < arrival < held[1] else arrival, record)
+        for arrival, record in flight.events()
+    ]
+    # WHEN they are flown
+    sink = fly(flight.config, sorted(events, key=lambda item: item[0]))
+    # THEN those that the estimator could not wait for are counted, and told of
+    told = [event.message for event in sink.events() if event.source == "pod 0"]
+    assert [word in message for word, message in zip(
+        ("silent", "back after", "s late", "in time again"), told, strict=True
+    )] == [True] * 4  # fmt: skip
+    assert 85 <= sink.health("pod 0")["late"] <= 100
+    assert sink.health("pod 0")["disordered"] == 0
