@@ -12,10 +12,11 @@ from typing import Any, Final
 
 import can
 
+from drivers.can_errors import ErrorFrames
 from drivers.can_port import CanFrame, CanPort
 from drivers.clock import Clock
 from drivers.errors import DeviceNotFoundError
-from drivers.events import Event, EventList
+from drivers.events import Event, EventList, Level
 
 REOPEN_NS: Final = 1_000_000_000
 
@@ -33,11 +34,16 @@ class PythonCanPort:
         What messages call it.
     reopen : callable, optional
         Makes the bus anew after it has failed for a second: an adapter was unplugged.
+    identifiers : tuple of (identifier, mask)
+        Standard frames to let through; empty = all. Error frames always pass.
 
     Notes
     -----
-    python-can's slcan reader raises ValueError or IndexError on a malformed line, and fails on
-    every later line once a byte is not ASCII, until it is flushed; all are counted and mended.
+    The filter is here, because python-can's would drop error frames by their class bits.
+
+    python-can's slcan reader raises ValueError or IndexError on a malformed line, gives a frame
+    shorter than its DLC for a line that lost its end, and fails on every later line once a byte
+    is not ASCII, until it is flushed; all are counted and mended.
     """
 
     echoes = False
@@ -49,12 +55,15 @@ class PythonCanPort:
         *,
         name: str = "",
         reopen: Callable[[], can.BusABC] | None = None,
+        identifiers: tuple[tuple[int, int], ...] = (),
     ) -> None:
         self.name = name or f"can {bus.channel_info}"
         self.counters: Counter[str] = Counter()
         self._bus: can.BusABC | None = bus
         self._clock = clock
         self._events = EventList()
+        self._error_frames = ErrorFrames(self.counters, self._say)
+        self._identifiers = identifiers
         self._is_failing = self._is_closed = False
         self._failing_since_ns = 0
         self._reopen = reopen
@@ -63,9 +72,23 @@ class PythonCanPort:
         """Return the next frame, None if none came in time or the bus failed."""
         if self._is_closed or not self._is_usable(timeout_s):
             return None
+        deadline_ns = self._clock.now_ns() + round(timeout_s * 1e9)
+        while (frame := self._next(timeout_s)) is not None:
+            if self._passes(frame):
+                return frame
+            timeout_s = (deadline_ns - self._clock.now_ns()) * 1e-9
+            if timeout_s <= 0:
+                break
+        return None
+
+    def _next(self, timeout_s: float) -> CanFrame | None:
+        """Return the next frame of any identifier."""
         assert self._bus is not None
         try:
             message = self._bus.recv(timeout_s)
+            if message is None:
+                return None
+            _check_length(message)
         except (ValueError, IndexError) as error:  # a malformed slcan line
             self.counters["malformed"] += 1
             self._flush()
@@ -76,10 +99,7 @@ class PythonCanPort:
             self._flush()
             self._failing(str(error), timeout_s=min(timeout_s, 0.05))
             return None
-        if message is None:
-            return None
-        self._working()
-        return CanFrame(
+        frame = CanFrame(
             self._clock.now_ns(),
             message.arbitration_id,
             bytes(message.data),
@@ -87,6 +107,19 @@ class PythonCanPort:
             is_remote=message.is_remote_frame,
             is_error=message.is_error_frame,
             is_own=not message.is_rx,
+        )
+        if frame.is_error:
+            self._error_frames.take(frame)
+        else:
+            self._working()
+        return frame
+
+    def _passes(self, frame: CanFrame) -> bool:
+        """Whether the caller asked for such a frame."""
+        if frame.is_error or not self._identifiers:
+            return True
+        return not (frame.is_extended or frame.is_remote) and any(
+            (frame.arbitration_id ^ number) & mask == 0 for number, mask in self._identifiers
         )
 
     def send(self, arbitration_id: int, data: bytes) -> int | None:
@@ -148,14 +181,25 @@ class PythonCanPort:
         if not self._is_failing:
             self._is_failing = True
             self._failing_since_ns = now_ns
-            self._events.add(now_ns, self.name, "warning", why)
+            self._say("warning", why)
         if timeout_s > 0:
             self._clock.sleep_until_ns(now_ns + round(timeout_s * 1e9))
 
     def _working(self) -> None:
         if self._is_failing:
             self._is_failing = False
-            self._events.add(self._clock.now_ns(), self.name, "info", "frames again")
+            self._say("info", "frames again")
+
+    def _say(self, level: Level, message: str) -> None:
+        self._events.add(self._clock.now_ns(), self.name, level, message)
+
+
+def _check_length(message: can.Message) -> None:
+    """Raise ValueError for a data frame that is not as long as it says."""
+    if message.is_remote_frame or message.is_error_frame or len(message.data) == message.dlc:
+        return
+    msg = f"frame 0x{message.arbitration_id:X} holds {len(message.data)} bytes of {message.dlc}"
+    raise ValueError(msg)
 
 
 def open_can(
@@ -178,7 +222,7 @@ def open_can(
     bitrate : int or None
         Bits a second, where the interface sets it.
     identifiers : tuple of (identifier, mask)
-        Frames to let through; empty = all. Error frames always pass.
+        Standard frames to let through; empty = all. Error frames always pass.
     **options
         Further arguments of ``can.Bus``.
 
@@ -195,10 +239,6 @@ def open_can(
     arguments: dict[str, Any] = dict(options)
     if bitrate is not None:
         arguments["bitrate"] = bitrate
-    if identifiers:
-        arguments["can_filters"] = [
-            {"can_id": i, "can_mask": mask, "extended": False} for i, mask in identifiers
-        ]
     make = partial(can.Bus, interface=interface, channel=channel, **arguments)
     try:
         bus = make()
@@ -208,4 +248,4 @@ def open_can(
             "and permissions"
         )
         raise DeviceNotFoundError(msg) from error
-    return PythonCanPort(bus, clock, name=name, reopen=make)
+    return PythonCanPort(bus, clock, name=name, reopen=make, identifiers=identifiers)

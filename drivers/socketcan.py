@@ -14,6 +14,7 @@ from collections import Counter, deque
 from pathlib import Path
 from typing import Final
 
+from drivers.can_errors import ErrorFrames
 from drivers.can_port import CanFrame
 from drivers.clock import Clock, SteadyStamps, read_both_ns
 from drivers.errors import DeviceNotFoundError
@@ -28,17 +29,6 @@ SOL_CAN_RAW, CAN_RAW_FILTER, CAN_RAW_ERR_FILTER, CAN_RAW_RECV_OWN_MSGS = 101, 1,
 MSG_CONFIRM: Final = 0x800
 CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG = 0x8000_0000, 0x4000_0000, 0x2000_0000
 CAN_EFF_MASK, CAN_SFF_MASK, CAN_ERR_MASK = 0x1FFF_FFFF, 0x7FF, 0x1FFF_FFFF
-ERROR_NAMES: Final = (
-    (0x001, "tx_timeout"),
-    (0x002, "lost_arbitration"),
-    (0x004, "controller"),
-    (0x008, "protocol"),
-    (0x010, "transceiver"),
-    (0x020, "no_acknowledge"),
-    (0x040, "bus_off"),
-    (0x080, "bus_error"),
-    (0x100, "restarted"),
-)
 _FRAME: Final = struct.Struct("=IB3x8s")
 _ANCILLARY_BYTES: Final = socket.CMSG_SPACE(16) + socket.CMSG_SPACE(4)
 _GONE: Final = (errno.ENODEV, errno.ENXIO, errno.EBADF)
@@ -83,6 +73,7 @@ class SocketCanPort:
         self._identifiers = identifiers
         self._wanted_bytes = receive_buffer_bytes
         self._events = EventList()
+        self._error_frames = ErrorFrames(self.counters, self._say)
         self._socket: socket.socket | None = None
         self._stamps = SteadyStamps()
         self._waiting: deque[CanFrame] = deque()
@@ -281,17 +272,8 @@ class SocketCanPort:
             is_own=is_own,
         )
         if is_error:
-            self._on_error_frame(frame)
+            self._error_frames.take(frame)
         return frame
-
-    def _on_error_frame(self, frame: CanFrame) -> None:
-        names = [name for bit, name in ERROR_NAMES if frame.arbitration_id & bit]
-        for name in names:
-            if not self.counters[f"error_{name}"] or name in ("bus_off", "restarted"):
-                level: Level = "error" if name == "bus_off" else "warning"
-                text = f"error frame 0x{frame.arbitration_id:X}#{frame.data.hex()}"
-                self._say(level, f"{name.replace('_', ' ')}: {text}")
-            self.counters[f"error_{name}"] += 1
 
     def _advice(self, error: OSError) -> str:
         if error.errno in (errno.ENODEV, errno.ENXIO):

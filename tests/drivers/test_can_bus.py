@@ -7,7 +7,7 @@ import tty
 import can
 import pytest
 
-from drivers.can_bus import PythonCanPort, open_can
+from drivers.can_bus import open_can
 from drivers.clock import SteadyClock
 from drivers.errors import DeviceNotFoundError
 
@@ -35,7 +35,16 @@ def heard(port, count: int, limit_s: float = 10.0):
 
 @pytest.mark.parametrize(
     "rubbish",
-    [b"tZZZ2AABB\r", b"t12\r", b"t1239AA\r", b"\xff\xfe\x80\r", b"T\r", b"hello world\r", b"\a"],
+    [
+        b"tZZZ2AABB\r",
+        b"t12\r",
+        b"t1239AA\r",
+        b"\xff\xfe\x80\r",
+        b"t1238aa\r",
+        b"T\r",
+        b"hello world\r",
+        b"\a",
+    ],
 )
 def test_slcan_reader_outlives_malformed_lines(line, rubbish) -> None:
     adapter, name = line
@@ -99,9 +108,9 @@ def test_slcan_sends_what_it_is_given(line) -> None:
 def test_virtual_bus_and_filters() -> None:
     port = open_can("virtual", "factory", SteadyClock(), identifiers=((0x100, 0x7F0),))
     with can.Bus(interface="virtual", channel="factory") as other:
-        for number in (0x200, 0x103):
-            other.send(can.Message(arbitration_id=number, is_extended_id=False))
-        assert [n for n, _ in heard(port, 1)] == [0x103]
+        for number, extended in ((0x200, False), (0x103, True), (0x103, False)):
+            other.send(can.Message(arbitration_id=number, is_extended_id=extended))
+        assert heard(port, 2, limit_s=0.3) == [(0x103, b"")]
         assert port.send(0x7, b"x") is not None
         assert other.recv(1).arbitration_id == 0x7
     assert not port.echoes
@@ -117,12 +126,38 @@ def test_interface_that_does_not_open_is_named(interface) -> None:
         open_can(interface, "/dev/nosuch", SteadyClock())
 
 
-def test_error_frames_pass_the_port() -> None:
-    bus = can.Bus(interface="virtual", channel="errors")
-    port = PythonCanPort(bus, SteadyClock())
+def error_frame(classes: int) -> can.Message:
+    return can.Message(arbitration_id=classes, is_error_frame=True, is_extended_id=False)
+
+
+@pytest.mark.parametrize("identifiers", [(), ((0x100, 0x7F0),)])
+def test_error_frames_pass_the_port_and_are_counted_and_told(identifiers) -> None:
+    port = open_can("virtual", "errors", SteadyClock(), identifiers=identifiers)
     with can.Bus(interface="virtual", channel="errors") as other:
-        other.send(can.Message(arbitration_id=0x40, is_error_frame=True, is_extended_id=False))
-        frame = port.recv(1)
-    assert frame is not None
-    assert frame.is_error
+        for classes in (0x40, 0x40, 0x20, 0x20, 0):
+            other.send(error_frame(classes))
+            frame = port.recv(1)
+            assert frame is not None
+            assert frame.is_error
+            assert frame.arbitration_id == classes
+    assert port.counters == {"error_bus_off": 2, "error_no_acknowledge": 2, "error_unnamed": 1}
+    told = [(event.level, event.message.split(":")[0]) for event in port.take_events()]
+    assert told == [
+        ("error", "bus off"),
+        ("error", "bus off"),
+        ("warning", "no acknowledge"),
+        ("warning", "unnamed"),
+    ]
+    port.close()
+
+
+def test_line_that_lost_its_end_is_no_frame(line) -> None:
+    # GIVEN eight bytes announced and one sent WHEN it is read THEN it counts as malformed
+    adapter, name = line
+    port = open_can("slcan", name, SteadyClock(), bitrate=500_000, sleep_after_open=0)
+    os.write(adapter, b"t1238aa\r")
+    assert heard(port, 1, limit_s=0.3) == []
+    assert port.counters["malformed"] == 1
+    os.write(adapter, b"t10226364\rr1238\r")  # a remote frame has a DLC and no bytes
+    assert heard(port, 2) == [(0x102, b"cd"), (0x123, b"")]
     port.close()
