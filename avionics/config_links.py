@@ -65,7 +65,7 @@ class ImuChip(Section):
     external_crystal: bool = False
     """Whether a 32 kHz crystal is fitted."""
     calibration_file: str | None = None
-    """JSON file of calibration offsets by chip id, restored at the start."""
+    """JSON of offsets by chip id: restored at the start, saved at the end if fully calibrated."""
     rate_hz: float = Field(default=100.0, gt=0, le=1000)
     """How often the chip is read, Hz."""
 

@@ -133,11 +133,26 @@ class PolledImus:
         return self._events.take()
 
     def close(self) -> None:
-        """Release the bus; may be called twice."""
-        self._is_open = False
+        """Save what fully calibrated chips have learned, release the bus; may be called twice."""
+        if self._is_open:
+            self._is_open = False
+            for station in self._stations:
+                if station.bring_up is None:
+                    self._save_calibration(station)
         if self._bus is not None:
             self._bus.close()
             self._bus = None
+
+    def _save_calibration(self, station: _Station) -> None:
+        try:
+            if not station.chip.may_save_calibration():
+                return
+            for t_ns in station.chip.save_calibration():
+                self._clock.sleep_until_ns(t_ns)
+        except DriverError as error:
+            self._event(station, "warning", f"calibration not saved: {error}")
+        else:
+            self._event(station, "info", "calibration saved")
 
     def _step(self) -> None:
         """Do what is due now: go on with bring-ups, read the others."""

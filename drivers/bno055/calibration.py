@@ -4,8 +4,20 @@ import json
 from pathlib import Path
 from typing import Protocol
 
-from drivers.bno055.registers import CALIBRATION_LENGTH
-from drivers.errors import FrameFormatError
+from drivers.bno055.registers import CALIBRATION_LENGTH, Mode
+from drivers.errors import DriverError, FrameFormatError
+
+
+def is_complete(status: int, mode: Mode) -> bool:
+    """Return whether CALIB_STAT says that every sensor which the mode calibrates is calibrated.
+
+    Notes
+    -----
+    BNO055 data sheet rev. 1.4, Sec. 4.3.54: two bits each for system, gyro, accelerometer and
+    magnetometer, 3 = fully. The bits of a raw mode, which calibrates nothing, mean nothing.
+    """
+    wanted = 0x3F if mode.has_mag else 0x3C
+    return mode.is_fusion and status & wanted == wanted
 
 
 class CalibrationStore(Protocol):
@@ -56,11 +68,21 @@ class CalibrationFile:
         return data
 
     def save(self, uid: bytes, data: bytes) -> None:
-        """Keep the bytes of one chip; the file is replaced in one step."""
+        """Keep the bytes of one chip; the file is replaced in one step.
+
+        Raises
+        ------
+        DriverError
+            If the file is malformed or cannot be written.
+        """
         entries = {**self._read(), uid.hex(): data.hex()}
         draft = self._path.with_suffix(".tmp")
-        draft.write_text(json.dumps(entries, indent=2) + "\n", encoding="utf-8")
-        draft.replace(self._path)
+        try:
+            draft.write_text(json.dumps(entries, indent=2) + "\n", encoding="utf-8")
+            draft.replace(self._path)
+        except OSError as error:
+            msg = f"{self._path}: cannot be written: {error.strerror}"
+            raise DriverError(msg) from error
 
     def _read(self) -> dict[str, str]:
         try:

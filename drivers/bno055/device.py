@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from drivers.bno055 import registers as reg
 from drivers.bno055.bring_up import BringUp, ChipState, Settings
-from drivers.bno055.calibration import CalibrationStore
+from drivers.bno055.calibration import CalibrationStore, is_complete
 from drivers.bno055.ports import RegisterPort
 from drivers.bno055.registers import Mode
 from drivers.bno055.screening import Words, agree, is_all_zero, is_suspicious, words
@@ -192,6 +192,18 @@ class Bno055:
     def expect_still_data(self) -> None:
         """Wait twice as long before the next verdict of frozen data: a reset did not help."""
         self._frozen_after *= 2
+
+    def may_save_calibration(self) -> bool:
+        """Return whether there is a store and the chip says that it is fully calibrated.
+
+        Raises
+        ------
+        BusError, FrameFormatError
+            If it cannot be asked.
+        """
+        if self._calibrations is None or self.state is None:
+            return False
+        return is_complete(self._port.read(reg.CALIB_STAT, 1)[0], self.settings.mode)
 
     def save_calibration(self) -> Iterator[int]:
         """Store the present offsets under the chip's id; yields instants to wait for.

@@ -76,17 +76,77 @@ def test_calibration_is_kept_by_chip_and_restored(bench, tmp_path) -> None:
     assert one.chips[0].mode == device.settings.mode
 
 
-def test_host_subtracts_the_gyro_offset_in_raw_modes_only(bench, tmp_path) -> None:
+CALIB_STAT = 0x35
+
+
+@pytest.mark.parametrize("bus", ["i2c", "uart"])
+@pytest.mark.parametrize(
+    ("mode", "status", "is_saved"),
+    [
+        (Mode.NDOF, 0xFF, True),
+        (Mode.NDOF, 0x3F, True),  # the sensors are, whatever the fusion says
+        (Mode.NDOF, 0xFC, False),
+        (Mode.IMU, 0x3C, True),
+        (Mode.IMU, 0x38, False),
+        (Mode.AMG, 0xFF, False),
+    ],
+)
+def test_fully_calibrated_chip_is_saved_at_the_end(
+    bench, tmp_path, bus, mode, status, is_saved
+) -> None:
     store = CalibrationFile(tmp_path / "chips.json")
-    rates = {}
-    for mode in (Mode.GYRONLY, Mode.NDOF):
-        one = bench("i2c", settings=Settings(mode=mode), calibrations=store, grade=NOISELESS)
+    one = bench(bus, settings=Settings(mode=mode), calibrations=store)
+    one.imus.open()
+    one.fly(0.1)
+    chip = one.chips[0]
+    chip._pages[0][CALIB_STAT] = status
+    chip._pages[0][0x55:0x6B] = BLOCK
+    one.imus.take_events()
+    one.imus.close()
+    assert store.load(chip.unique_id) == (BLOCK if is_saved else None)
+    said = [event.message for event in one.imus.take_events()]
+    assert said == (["calibration saved"] if is_saved else [])
+
+
+def test_calibration_that_cannot_be_saved_is_told(bench, tmp_path) -> None:
+    one = bench(
+        "i2c",
+        settings=Settings(mode=Mode.NDOF),
+        calibrations=CalibrationFile(tmp_path / "none" / "chips.json"),
+    )
+    one.imus.open()
+    one.fly(0.1)
+    one.chips[0]._pages[0][CALIB_STAT] = 0xFF
+    one.imus.close()
+    (event,) = one.imus.take_events()
+    assert event.level == "warning"
+    assert "calibration not saved" in event.message
+    assert "chips.json: cannot be written" in event.message
+
+
+def test_host_subtracts_the_offsets_in_raw_modes_only(bench, tmp_path) -> None:
+    # GIVEN equal chips, one of them with stored offsets WHEN both are read THEN those of raw
+    # modes differ by the offsets, which the host takes off; in fusion modes the chip does it
+    store = CalibrationFile(tmp_path / "chips.json")
+
+    def read(mode: Mode, calibrations: CalibrationFile | None):
+        one = bench("i2c", settings=Settings(mode=mode), calibrations=calibrations, grade=NOISELESS)
         store.save(one.chips[0].unique_id, BLOCK)  # 32 LSB = 2 deg/s on x
         one.imus.open()
-        device = one.imus._stations[0].chip
-        rates[mode] = device.state.gyro_offset_rad_s
-    assert rates[Mode.GYRONLY] == pytest.approx([np.radians(2), 0, 0])
-    assert rates[Mode.NDOF] == pytest.approx([0, 0, 0])
+        one.clock.sleep_until_ns(8 * SECOND)  # restoring takes time, in which the wing swings on
+        return one.fly(0.5)
+
+    for mode in (Mode.GYRONLY, Mode.AMG, Mode.NDOF):
+        pairs = list(zip(read(mode, None), read(mode, store), strict=True))
+        assert len(pairs) > 40
+        offsets = np.array([a.rate_rad_s - b.rate_rad_s for a, b in pairs])
+        np.testing.assert_allclose(
+            offsets, [[np.radians(2), 0, 0]] * len(pairs), atol=2e-3
+        )  # a count is 1.1e-3
+        if mode is Mode.AMG:
+            forces = np.array([a.specific_force_m_s2 - b.specific_force_m_s2 for a, b in pairs])
+            expected = np.frombuffer(BLOCK[:6], "<i2") * 0.01
+            np.testing.assert_allclose(forces, [expected] * len(pairs), atol=0.011)
 
 
 def test_malformed_calibration_file_is_named(tmp_path) -> None:
