@@ -166,6 +166,9 @@ def _check(flown: LogReader, served: LogReader) -> None:
     if flown.metadata.get("role") == ROLE:
         msg = f"{flown.path}: is a truth of `avionics rig serve`; give the flight first"
         raise JoinError(msg)
+    if (held := flown.metadata.get("joined_truth")) is not None:
+        msg = f"{flown.path}: is joined already, with {held}; give the log of `avionics run`"
+        raise JoinError(msg)
     ours, theirs = flown.config, served.config
     markers = [c.truth_markers or c.markers for c in (ours, theirs)]
     if len(markers[0]) != len(markers[1]):

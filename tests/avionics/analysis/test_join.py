@@ -99,6 +99,15 @@ def test_exchanged_arguments_are_refused(config, tmp_path: Path) -> None:
         join(tmp_path / "t.mcap", tmp_path / "u.mcap", tmp_path / "o.mcap")
 
 
+def test_joined_flight_is_not_joined_again(config, tmp_path: Path) -> None:
+    flight_log(tmp_path / "f.mcap", config)
+    truth_log(tmp_path / "t.mcap", config)
+    join(tmp_path / "f.mcap", tmp_path / "t.mcap", tmp_path / "o.mcap")
+    with pytest.raises(JoinError, match=r"o\.mcap: is joined already, with t\.mcap"):
+        join(tmp_path / "o.mcap", tmp_path / "t.mcap", tmp_path / "p.mcap")
+    assert not (tmp_path / "p.mcap").exists()
+
+
 def test_other_markers_are_refused(config, tmp_path: Path) -> None:
     flight_log(tmp_path / "f.mcap", config)
     fewer = config.model_copy(update={"markers": config.markers[:4]})
