@@ -199,8 +199,11 @@ def start(
 
     Example: avionics rig start
     """
-    ask_bench(control, {"do": "start", "lead_s": lead})
-    print(f"the scenario begins in {lead:.1f} s")
+    answer = ask_bench(control, {"do": "start", "lead_s": lead})
+    elapsed_s = answer["elapsed_s"]
+    when = f"began {elapsed_s:.1f} s ago" if elapsed_s >= 0 else f"begins in {-elapsed_s:.1f} s"
+    already = "the bench was started already; " if answer["was_started"] else ""
+    print(f"{already}the scenario {when}")
 
 
 def status(control: Control = None) -> None:

@@ -63,9 +63,13 @@ class BenchControl:
         return {"on": kind, "target": target}
 
     def _start(self, request: Answer) -> Answer:
+        was_started = self._bench.elapsed_s is not None
         epoch_ns = self._bench.start(float(request.get("lead_s", 2.0)))
-        self._say(f"scenario {self._bench.scenario.name} begins")
-        return {"epoch_ns": epoch_ns}
+        if not was_started:
+            self._say(f"scenario {self._bench.scenario.name} begins")
+        return {
+            "epoch_ns": epoch_ns, "elapsed_s": self._bench.elapsed_s, "was_started": was_started
+        }  # fmt: skip
 
     def _status(self) -> Answer:
         active = [{"kind": f.kind, "target": f.target} for f in self._faults.active()]

@@ -87,6 +87,24 @@ def test_bench_runs_to_its_end_and_cleans_up(avionics, tmp_path: Path) -> None:
     assert not path.exists()
 
 
+@pytest.mark.parametrize(
+    ("elapsed_s", "was_started", "words"),
+    [
+        (-2.0, False, "the scenario begins in 2.0 s"),
+        (-1.2, True, "the bench was started already; the scenario begins in 1.2 s"),
+        (7.5, True, "the bench was started already; the scenario began 7.5 s ago"),
+    ],
+)
+def test_start_says_what_the_bench_answered(
+    avionics, tmp_path: Path, elapsed_s, was_started, words
+) -> None:
+    answer = {"epoch_ns": 0, "elapsed_s": elapsed_s, "was_started": was_started}
+    with ControlServer(tmp_path / "c.sock", lambda _: answer) as server:
+        done = avionics("rig", "start", "--control", server.path)
+    assert done.status == 0, done.err
+    assert done.out.strip() == words
+
+
 def test_what_is_no_socket_is_not_removed(tmp_path: Path) -> None:
     notes = tmp_path / "notes.txt"
     notes.write_text("precious")

@@ -125,8 +125,13 @@ def test_simulated_pod_shares_the_bus_with_another(bench: Bench, channel, make_c
 
 
 @pytest.fixture
-def control(bench: Bench, tmp_path: Path) -> Iterator[Path]:
-    said: list[str] = []
+def said() -> list[str]:
+    """What the truth log is told."""
+    return []
+
+
+@pytest.fixture
+def control(bench: Bench, tmp_path: Path, said: list[str]) -> Iterator[Path]:
     path = tmp_path / "control.sock"
     with ControlServer(path, BenchControl(bench, threading.Event(), said.append)):
         yield path
@@ -275,8 +280,11 @@ def test_nobody_there_is_told(tmp_path: Path) -> None:
         ask(tmp_path / "none.sock", {"do": "status"})
 
 
-def test_scenario_begins_once(bench: Bench, control: Path) -> None:
+def test_scenario_begins_once(bench: Bench, control: Path, said: list[str]) -> None:
     assert bench.elapsed_s is None
-    first = ask(control, {"do": "start", "lead_s": 3})["epoch_ns"]
-    assert ask(control, {"do": "start", "lead_s": 9})["epoch_ns"] == first
-    assert -3.0 <= bench.elapsed_s < 0
+    first = ask(control, {"do": "start", "lead_s": 3})
+    again = ask(control, {"do": "start", "lead_s": 9})
+    assert again["epoch_ns"] == first["epoch_ns"]
+    assert (first["was_started"], again["was_started"]) == (False, True)
+    assert -3.0 <= first["elapsed_s"] < again["elapsed_s"] <= bench.elapsed_s < 0
+    assert said == ["scenario default begins"]
