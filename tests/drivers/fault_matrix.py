@@ -86,7 +86,7 @@ CASES = (
     Case("uart", "freeze", 1.0, "frozen", 1.1, "reset after 25 equal bursts", wrong_s=0.06),
     Case("uart", "zero", 0.5, "all_zero", 1.1, "refused; reset if it lasts"),
     Case("can", "nak", 0.3, "reported_nak", 1.2, "pod brings its chip up again"),
-    Case("can", "io_error", 0.3, "reported_nak", 1.2, "pod brings its chip up again"),
+    Case("can", "io_error", 0.3, "reported_nak", 1.2, "as `nak`: the pod cannot tell them apart"),
     Case("can", "stuck_bus", 0.5, "reported_bus_timeout", 1.5, "nine clocks, then set up again"),
     Case("can", "spike", 1.0, "reported_spike", 0.2, "second look at leaps", 0.5, wrong_s=0.06),
     Case("can", "brown_out", 0.001, "reported_reinit", 1.5, RESET),
