@@ -9,8 +9,13 @@ from pathlib import Path
 import pytest
 
 from tests.kernel import hil
+from tests.kernel.quiet import CpuWatch
 
 RATIO, FPS = 1.5, 15
+# Both medians lie at the noise of the spots, of which real pictures in time have a little more.
+FILTERED_PX = 0.05
+# Of the samples and frames of the flight; its start and end cost a few.
+KEPT = 0.9
 # Gyros alone: a guest has one CPU for both processes.
 CHIP = 'chip={mode="gyronly",gyro_bandwidth_hz=47}'
 OVER_UART_AND_SIMBUS = (
@@ -26,9 +31,10 @@ OVER_I2C_AND_CAN = (
 
 
 def judge(
-    folder: Path, joined: Path, pods: str, flight_s: float, record_property, *, rate_hz: int = 100
+    folder: Path, pods: str, flight_s: float, cpu: CpuWatch, record_property, *, rate_hz: int = 100
 ) -> None:
-    """Hold a flight against the same one in lockstep; skip what a slow machine spoilt."""
+    """Hold a flight against the same one in lockstep; skip what lack of CPU spoilt, only that."""
+    joined = folder / "joined.mcap"
     lockstep = folder / "lockstep.mcap"
     hil.avionics(
         "sim", "--scenario", folder / "hil.toml", "--set", f"camera.fps={FPS}", "--set", pods,
@@ -36,47 +42,50 @@ def judge(
     )  # fmt: skip
     served, stepped = hil.figures(joined), hil.figures(lockstep)
     assert served["truth"] == "sim"
-    pixels = [
-        found[kind]["eq17_px"]["median"]
+    filtered, as_flown = (
+        [found[kind]["eq17_px"]["median"] for found in (served, stepped)]
         for kind in ("filtered", "crg")
-        for found in (served, stepped)
-    ]
+    )
     heard, moved_m = hil.counts(joined), hil.tip_motion_m(joined)
     frames, samples = heard["/camera/root/tracks"], [heard["/imu/0"], heard["/imu/1"]]
     report = (
         "filtered {:.2f} px, in lockstep {:.2f}; as flown {:.2f}, in lockstep {:.2f}; ".format(
-            *pixels
+            *filtered, *as_flown
         )
-        + f"tip moved {moved_m * 1e3:.0f} mm RMS; frames {frames}, samples {samples}"
+        + f"tip moved {moved_m * 1e3:.0f} mm RMS; frames {frames}, samples {samples}; "
+        + f"CPU share {cpu.share:.0%}"
     )
     record_property("report", report)
     assert moved_m > 0.05, report
     kept = min(frames / (FPS * flight_s), min(samples) / (rate_hz * flight_s))
-    is_as_good = pixels[2] < RATIO * pixels[3]
-    # What was lost explains an error; a flight that lost hardly anything has no excuse.
-    if kept < 0.8 or (kept < 0.95 and not is_as_good):
-        pytest.skip(f"this machine was too slow for it, the flight is not judged: {report}")
+    is_as_good = (
+        as_flown[0] < RATIO * as_flown[1] and filtered[0] < RATIO * filtered[1] + FILTERED_PX
+    )
+    if cpu.is_short and not (kept >= KEPT and is_as_good):
+        pytest.skip(f"oversubscribed, the flight is not judged: {report}")
+    assert kept >= KEPT, report
     assert is_as_good, report
 
 
 def test_flight_over_simbus_pty_and_frame_socket(tmp_path: Path, record_property) -> None:
-    bench = hil.serve(
-        tmp_path, "--can", f"hil-{uuid.uuid4().hex[:8]}", "--interface", "simbus", "--uart",
-        "--set", OVER_UART_AND_SIMBUS, "--set", "recorder.images=false", "--camera", "pipe",
-    )  # fmt: skip
-    try:
-        assert bench.found["pods"]["0"]["port"].startswith("/dev/pts/")
-        assert bench.found["pods"]["1"]["interface"] == "simbus"
-        hil.fly(bench, tmp_path / "flight.mcap", 16.0)
-    finally:
-        bench.stop()
+    with CpuWatch(2) as cpu:
+        bench = hil.serve(
+            tmp_path, "--can", f"hil-{uuid.uuid4().hex[:8]}", "--interface", "simbus", "--uart",
+            "--set", OVER_UART_AND_SIMBUS, "--set", "recorder.images=false", "--camera", "pipe",
+        )  # fmt: skip
+        try:
+            assert bench.found["pods"]["0"]["port"].startswith("/dev/pts/")
+            assert bench.found["pods"]["1"]["interface"] == "simbus"
+            hil.fly(bench, tmp_path / "flight.mcap", 16.0)
+        finally:
+            bench.stop()
     joined = tmp_path / "joined.mcap"
     words = (tmp_path / "flight.mcap", bench.truth, "-o", joined)
     report = json.loads(hil.avionics("rig", "join", *words, "--json"))
     assert report["method"] == "shared clock"
     assert report["correlation"] > 0.85
     assert abs(report["check_s"]) < 0.01
-    judge(tmp_path, joined, OVER_UART_AND_SIMBUS, 16.0, record_property)
+    judge(tmp_path, OVER_UART_AND_SIMBUS, 16.0, cpu, record_property)
 
 
 @pytest.mark.uml
@@ -87,15 +96,16 @@ def test_flight_over_vcan_and_cuse_is_as_good_as_lockstep(record_property) -> No
     subprocess.run(["ip", "link", "add", "vcan0", "type", "vcan"], check=True)
     subprocess.run(["ip", "link", "set", "vcan0", "up"], check=True)
     # The control and frame sockets must not lie on the host's file system.
-    bench = hil.serve(
-        folder, "--can", "vcan0", "--i2c-dev", "1", "--camera", "pipe",
-        "--set", OVER_I2C_AND_CAN, "--set", "recorder.images=false", socket=Path("/run/hil.sock"),
-    )  # fmt: skip
-    try:
-        hil.fly(bench, folder / "flight.mcap", 30.0)
-    finally:
-        bench.stop()
-        subprocess.run(["ip", "link", "del", "vcan0"], check=False)
+    with CpuWatch(2) as cpu:
+        bench = hil.serve(
+            folder, "--can", "vcan0", "--i2c-dev", "1", "--camera", "pipe", "--set",
+            OVER_I2C_AND_CAN, "--set", "recorder.images=false", socket=Path("/run/hil.sock"),
+        )  # fmt: skip
+        try:
+            hil.fly(bench, folder / "flight.mcap", 30.0)
+        finally:
+            bench.stop()
+            subprocess.run(["ip", "link", "del", "vcan0"], check=False)
     joined = folder / "joined.mcap"
     hil.avionics("rig", "join", folder / "flight.mcap", bench.truth, "-o", joined)
-    judge(folder, joined, OVER_I2C_AND_CAN, 30.0, record_property, rate_hz=50)
+    judge(folder, OVER_I2C_AND_CAN, 30.0, cpu, record_property, rate_hz=50)
