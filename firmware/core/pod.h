@@ -103,6 +103,8 @@ typedef struct {
     bool has_listened; /* nobody else was heard with our node number */
     uint64_t listen_until_us;
     uint64_t answer_after_us;
+    uint64_t claim_until_us;   /* another pod that runs announces itself with our number */
+    uint64_t refused_until_us; /* one that is refused does */
     uint8_t wrong_layouts;
     uint8_t right_layouts;
     uint8_t same_uid_part; /* of the other pod's Identity 1, when it equals ours */

@@ -249,6 +249,7 @@ def test_running_pod_answers_a_newcomer_and_stays() -> None:
     bench = Bench(uid=bytes([5] * 12))
     bench.run(2.0)
     announced = len(bench.messages(Kind.IDENTITY))
+    bench.hear(Identity(bench.node, 0, bytes([1, 1, 0, 0, 1, 0])))
     bench.hear(Identity(bench.node, 1, bytes([6] * 6)))
     bench.run(1.0)
     assert bench.core.refusal == 0

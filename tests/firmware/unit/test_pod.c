@@ -8,6 +8,7 @@
 #define SAMPLE (0x130U + NODE)
 #define REQUEST (0x200U + NODE)
 #define REPLY (0x210U + NODE)
+#define STATUS (0x280U + NODE)
 #define COUNTERS (0x290U + NODE)
 #define IDENTITY (0x300U + NODE)
 
@@ -288,6 +289,11 @@ static void of_two_that_run_the_lower_id_stays(void **state) {
     rig_hear(pod, GYRO, gyro, 8U);
     rig_hear(pod, GYRO, gyro, 8U);
     assert_int_equal(rig_sent_with(IDENTITY), announced + 6U); /* once, not for every frame */
+    const uint8_t lower[7] = {1U};
+    rig_hear(pod, IDENTITY, lower, 8U); /* of a pod that has not said whether it runs */
+    assert_int_equal(pod_host_refusal(pod), POD_REFUSAL_NONE);
+    const uint8_t runs[7] = {0U, 1U, 1U, 0U, 0U, 1U, POD_REFUSAL_NONE};
+    rig_hear(pod, IDENTITY, runs, 8U);
     const uint8_t higher[7] = {1U, 1U, 2U, 3U, 4U, 5U, 7U};
     rig_hear(pod, IDENTITY, higher, 8U);
     assert_int_equal(pod_host_refusal(pod), POD_REFUSAL_NONE);
@@ -300,6 +306,26 @@ static void of_two_that_run_the_lower_id_stays(void **state) {
     rig_hear(pod, IDENTITY, same, 8U);
     rig_hear(pod, IDENTITY, second_lower, 8U);
     assert_int_equal(pod_host_refusal(pod), POD_REFUSAL_DUPLICATE);
+    pod_host_free(pod);
+}
+
+static void a_refused_pod_takes_no_number(void **state) {
+    (void)state;
+    const uint8_t refused[7] = {0U, 1U, 1U, 0U, 0U, 1U, POD_REFUSAL_DUPLICATE};
+    const uint8_t lower[7] = {1U};
+    const uint8_t status[7] = {0U, 0U, 0U, POD_STATE_REFUSED << 4};
+    pod_host_t *const pod = rig_pod(NODE);
+    rig_run(pod, 100000U); /* still listening */
+    rig_hear(pod, IDENTITY, refused, 8U);
+    rig_hear(pod, IDENTITY, lower, 8U);
+    rig_hear(pod, STATUS, status, 8U);
+    rig_hear(pod, REPLY, status, 8U);
+    rig_run(pod, 2000000U);
+    const unsigned announced = rig_sent_with(IDENTITY);
+    rig_hear(pod, IDENTITY, refused, 8U);
+    rig_hear(pod, IDENTITY, lower, 8U);
+    assert_int_equal(pod_host_state(pod), POD_STATE_RUNNING);
+    assert_int_equal(rig_sent_with(IDENTITY), announced); /* nobody to answer */
     pod_host_free(pod);
 }
 
@@ -394,6 +420,7 @@ int main(void) {
         cmocka_unit_test(a_pod_without_number_waits_for_one),
         cmocka_unit_test(a_newcomer_gives_way),
         cmocka_unit_test(of_two_that_run_the_lower_id_stays),
+        cmocka_unit_test(a_refused_pod_takes_no_number),
         cmocka_unit_test(another_layout_is_refused_until_it_is_right),
         cmocka_unit_test(triggers_sample_and_their_silence_does_not_stop_it),
         cmocka_unit_test(frames_without_room_are_counted),
