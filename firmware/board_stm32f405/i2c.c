@@ -43,6 +43,19 @@ static bool await(i2c_t *const i2c, const uint32_t flag) {
     }
 }
 
+/* Until START and STOP are out, CR1 must not be written (Sec. 27.6.1). */
+static bool is_control_busy(void) { return (I2C1->cr1 & (I2C_CR1_START | I2C_CR1_STOP)) != 0U; }
+
+static bool await_control(i2c_t *const i2c) {
+    while (is_control_busy()) {
+        if (ticks_now_us(NULL) >= i2c->deadline_us) {
+            i2c->is_timeout = true;
+            return false;
+        }
+    }
+    return true;
+}
+
 static bool send_start(i2c_t *const i2c) {
     I2C1->cr1 |= I2C_CR1_START;
     return await(i2c, I2C_SR1_SB);
@@ -57,6 +70,9 @@ static void clear_address(void) {
 static bool begin(i2c_t *const i2c, const uint8_t target) {
     i2c->is_timeout = false;
     i2c->deadline_us = ticks_now_us(NULL) + TRANSFER_US;
+    if (!await_control(i2c)) {
+        return false;
+    }
     I2C1->sr1 = 0U;
     I2C1->cr1 &= ~I2C_CR1_POS;
     if (!send_start(i2c)) {
@@ -71,12 +87,15 @@ static bool begin(i2c_t *const i2c, const uint8_t target) {
     return await(i2c, I2C_SR1_BTF);
 }
 
-static bool end(const bool is_done) {
-    I2C1->cr1 |= I2C_CR1_STOP;
-    if (!is_done) {
-        I2C1->sr1 = 0U;
+/* A START or STOP that does not get out cannot be taken back: only a reset ends it. */
+static bool fail(const i2c_t *const i2c) {
+    if (is_control_busy()) {
+        i2c_configure(i2c);
+    } else {
+        I2C1->cr1 |= I2C_CR1_STOP;
     }
-    return is_done;
+    I2C1->sr1 = 0U;
+    return false;
 }
 
 /* One byte: no acknowledge, and STOP asked for before the byte is taken. */
@@ -149,16 +168,20 @@ bool i2c_read(void *const context, const uint8_t first, uint8_t *const data,
     if (begin(i2c, first) && take(i2c, data, length)) {
         return true;
     }
-    return end(false);
+    return fail(i2c);
 }
 
 bool i2c_write(void *const context, const uint8_t target, const uint8_t value) {
     i2c_t *const i2c = context;
     if (!begin(i2c, target)) {
-        return end(false);
+        return fail(i2c);
     }
     I2C1->dr = value;
-    return end(await(i2c, I2C_SR1_BTF));
+    if (!await(i2c, I2C_SR1_BTF)) {
+        return fail(i2c);
+    }
+    I2C1->cr1 |= I2C_CR1_STOP;
+    return true;
 }
 
 bool i2c_timed_out(void *const context) {

@@ -143,6 +143,7 @@ typedef struct {
 } usart_registers_t;
 #define USART3 ((usart_registers_t *)0x40004800UL)
 #define USART6 ((usart_registers_t *)0x40011400UL)
+#define USART_SR_ORE BIT(3)
 #define USART_SR_RXNE BIT(5)
 #define USART_SR_TXE BIT(7)
 #define USART_CR1_RE BIT(2)

@@ -63,11 +63,12 @@ bool usart_read(void *const context, uint8_t *const byte) {
 
 static void interrupt(usart_t *const usart) {
     const uint32_t status = usart->registers->sr;
-    if ((status & USART_SR_RXNE) != 0U) {
-        /* Reading DR after SR also clears an overrun. */
+    if ((status & (USART_SR_RXNE | USART_SR_ORE)) != 0U) {
+        /* Reading DR after SR clears an overrun too, which may come without a byte. */
         const uint8_t byte = (uint8_t)usart->registers->dr;
+        const bool has_byte = (status & USART_SR_RXNE) != 0U;
         const uint16_t next = (uint16_t)((usart->receive_head + 1U) % USART_RECEIVE_BYTES);
-        if (next != usart->receive_tail) {
+        if (has_byte && next != usart->receive_tail) {
             usart->received[usart->receive_head] = byte;
             usart->receive_head = next;
         }

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from elftools.elf.elffile import ELFFile
-from stm32_models import BxCan, Gpio, I2c, Rcc, SensorBus, Watchdog
+from stm32_models import BxCan, Gpio, I2c, Rcc, SensorBus, Usart, Watchdog
 from unicorn import UC_ARCH_ARM, UC_HOOK_CODE, UC_MODE_MCLASS, UC_MODE_THUMB, Uc
 from unicorn.arm_const import (
     UC_ARM_REG_LR,
@@ -47,12 +47,14 @@ class Machine:
         self.gpio_a, self.gpio_b, self.gpio_c = Gpio(), Gpio(self.lines), Gpio()
         self.gpio_a.inputs &= ~(node << 4)
         self.gpio_c.inputs &= ~(1 << 4)
+        self.usart3, self.usart6 = Usart(), Usart()
         self.resets = 0
         self._elf, self._uid = elf, uid
         self._blocks = {
             0x40005400: self.i2c, 0x40006400: self.can, 0x40003000: self.watchdog,
             0x40023800: self.rcc, 0x40020000: self.gpio_a, 0x40020400: self.gpio_b,
             0x40020800: self.gpio_c, 0x40023C00: Gpio(), 0x40007000: Gpio(),
+            0x40004800: self.usart3, 0x40011400: self.usart6,
         }  # fmt: skip
         self.power_up()
 

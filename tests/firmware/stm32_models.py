@@ -90,19 +90,25 @@ class Gpio:
 
 SB, ADDR, BTF, RXNE, TXE, AF = 1, 2, 4, 0x40, 0x80, 0x400
 START, STOP, ACK, POS, SWRST = 0x100, 0x200, 0x400, 0x800, 0x8000
+ORE, RXNE_USART = 0x08, 0x20
 
 
 class I2c:
     """I2C v1 master with one BNO055: flags, acknowledge pipeline, clock stretching.
 
-    ``faults`` are taken one by one at the address byte: "nak" or "hang".
+    ``faults`` are taken one by one at the address byte: "nak" or "hang". START and STOP stay set
+    until they are on the bus. ``early_writes`` counts writes to CR1 before that, which RM0090
+    Sec. 27.6.1 forbids and which are lost here; a reset is none.
     """
+
+    STOP_NS = 30_000  # the line's rise and some stretching: longer than a few looks at the clock
 
     def __init__(self, now_ns: Now, chip: SimBno055, lines: SensorBus) -> None:
         self.now_ns, self.chip, self.lines = now_ns, chip, lines
         self.byte_ns = 22_500
         self.words: dict[int, int] = {}
         self.faults: list[str] = []
+        self.early_writes = 0
         self.read_log: list[tuple[int, int, bytes]] = []  # register, asked bytes, their values
         self._idle()
 
@@ -112,6 +118,7 @@ class I2c:
         self.block, self.block_at, self.taken = b"", 0, 0
         self.is_acked, self.wants_more, self.is_stopping = True, False, False
         self.ready_ns, self.event = 0, None
+        self.is_starting, self.stop_ns = False, None
 
     def _after(self, event: str) -> None:
         self.event, self.ready_ns = event, self.now_ns() + self.byte_ns
@@ -120,10 +127,13 @@ class I2c:
         while self.event is not None and self.now_ns() >= self.ready_ns:
             event, self.event = self.event, None
             getattr(self, f"_on_{event}")()
+        is_due = self.stop_ns is not None and self.now_ns() >= self.stop_ns
+        if is_due and not self.lines.is_stuck:
+            self.stop_ns = None
 
     def _on_start(self) -> None:
         if not self.lines.is_stuck:
-            self.sr1, self.phase = SB, "address"
+            self.sr1, self.phase, self.is_starting = SB, "address", False
 
     def _on_sent(self) -> None:
         self.sr1 |= TXE | BTF
@@ -174,7 +184,13 @@ class I2c:
             return 3
         if offset == 0x10:
             return self._take()
-        return self.words.get(offset, 0) & ~(START | STOP)
+        if offset == 0x00:
+            return (
+                self.words.get(0x00, 0)
+                | self.is_starting * START
+                | (self.stop_ns is not None) * STOP
+            )
+        return self.words.get(offset, 0)
 
     def _addressed(self) -> None:
         if self.phase == "send":
@@ -202,10 +218,10 @@ class I2c:
             self.sr1 &= value | 0xFF
         elif offset == 0x10:
             self._put(value & 0xFF)
+        elif offset == 0x00:
+            self._control(value)
         else:
             self.words[offset] = value
-            if offset == 0x00:
-                self._control(value)
 
     def _put(self, value: int) -> None:
         if self.sr1 & SB:
@@ -223,21 +239,50 @@ class I2c:
 
     def _control(self, value: int) -> None:
         if value & SWRST or not value & 1:
+            self.words[0x00] = value
             self._idle()
+            return
+        if self.is_starting or self.stop_ns is not None:
+            self.early_writes += 1
             return
         if value & STOP:
             # In reception STOP follows the byte under way and what is already in.
+            end_ns = self.now_ns() if self.event is None else self.ready_ns
             if self.phase == "receive":
                 self.is_stopping, self.wants_more = True, False
             else:
                 self._idle()
+            self.stop_ns = end_ns + self.STOP_NS
         if value & START:
             register = None if self.is_stopping else self.register
             self._end_reception()
             self._idle()
-            self.register = register
+            self.register, self.is_starting = register, True
             self._after("start")
         self.words[0x00] = value & ~(START | STOP)
+
+
+class Usart:
+    """The receiver's flags: reading SR and then DR clears them (RM0090 Sec. 30.6.1)."""
+
+    def __init__(self) -> None:
+        self.sr, self.dr, self._seen = 0, 0, 0
+
+    @property
+    def interrupts(self) -> bool:
+        return bool(self.sr & (ORE | RXNE_USART))
+
+    def read(self, offset: int) -> int:
+        if offset == 0x00:
+            self._seen = self.sr
+            return self.sr
+        if offset == 0x04:
+            self.sr &= ~(self._seen & ORE | RXNE_USART)
+            return self.dr
+        return 0
+
+    def write(self, offset: int, value: int) -> None:
+        pass
 
 
 @dataclass
