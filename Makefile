@@ -10,7 +10,7 @@ CONSTRAINT := $(shell $(PYTHON) -c 'import sys; print("-c requirements.lock" if 
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends
 
-.PHONY: help demo test check rig rig-apt rig-foreign rig-proof gst-apt vm vm-apt firmware firmware-test proof bench lock clean
+.PHONY: help demo test check rig rig-apt rig-foreign rig-proof gst-apt vm vm-apt firmware firmware-test firmware-proof proof bench lock clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 18
@@ -77,6 +77,10 @@ firmware: ## build the pod's firmware, with a size report
 firmware-test: $(VENV)/.installed ## build, check and test the firmware: host, Unicorn, QEMU
 	$(MAKE) -C firmware apt
 	$(MAKE) -C firmware test
+
+firmware-proof: $(VENV)/.installed ## the firmware's long proofs: a minute of samples from QEMU into our logger
+	$(MAKE) -C firmware apt
+	$(BIN)/python -m pytest tests/firmware -m "(unicorn or qemu_arm) and proof" --require=unicorn,qemu_arm
 
 proof: $(VENV)/.installed ## the long proofs
 	$(BIN)/python -m pytest -m "proof and not (uml or gst or unicorn or qemu_arm or vm)"
