@@ -45,6 +45,8 @@ class CanLink(Section):
     bitrate: int | None = None
     """Bit rate where the interface sets it, bit/s."""
     node: int = Field(default=1, ge=0, le=15, description="pod number on the bus")
+    triggered: bool = False
+    """Whether each sync makes all pods of the bus sample at once, at their rate_hz."""
 
 
 Link = Annotated[I2cLink | UartLink | CanLink, Field(discriminator="kind")]

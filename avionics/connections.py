@@ -174,12 +174,14 @@ def _open_can(bus: CanBus, pods: list[Pod], clock: Clock) -> CanImus:
         names = ", ".join(pod.name for pod in pods)
         msg = f"can {channel}: pods {names} share a node number; give each its own"
         raise ConfigError(msg)
+    trigger_hz = _trigger_hz(f"can {channel}", pods)
     port = open_can(interface, channel, clock, bitrate=bitrate, identifiers=filters())
     imus = CanImus(
         port,
         {node: pod.name for node, pod in nodes.items()},
         clock,
         settings={node: pod_settings(pod.chip) for node, pod in nodes.items()},
+        trigger_hz=trigger_hz,
     )
     try:
         imus.open()
@@ -187,6 +189,14 @@ def _open_can(bus: CanBus, pods: list[Pod], clock: Clock) -> CanImus:
         imus.close()
         raise
     return imus
+
+
+def _trigger_hz(where: str, pods: list[Pod]) -> float:
+    wanted = {isinstance(pod.link, CanLink) and pod.link.triggered for pod in pods}
+    if len(wanted) > 1:
+        msg = f"{where}: some pods are triggered, some are not; give all links the same"
+        raise ConfigError(msg)
+    return _common_rate_hz(where, pods) if wanted.pop() else 0.0
 
 
 def pod_settings(chip: ImuChip) -> dict[ConfigKey, int]:

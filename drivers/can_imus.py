@@ -26,6 +26,7 @@ from drivers.can_pod.messages import (
 )
 from drivers.can_pod.station import PodStation
 from drivers.can_pod.time_sync import SyncMaster
+from drivers.can_pod.trigger_skew import TriggerSkew
 from drivers.can_port import CanFrame, CanPort
 from drivers.clock import Clock
 from drivers.errors import DeviceNotFoundError, FrameFormatError
@@ -37,6 +38,8 @@ SILENT_NS = 1_000_000_000
 AT_ONCE = 64
 # A bus full of other traffic does not hold the caller longer than this.
 FLOODED_NS = 50_000_000
+# Pairs for a pod's clock; more of them would cost time and shorten the fit's window.
+PAIR_PERIOD_S = 0.25
 Settings = Mapping[ConfigKey, int]
 
 
@@ -55,8 +58,9 @@ class CanImus:
         What each node is set to, now and after its restarts; nodes that are absent stay as set.
     sync_period_s : float
         Time between syncs; 0 = another master keeps the bus's time.
-    trigger : bool
-        Whether every sync makes all pods sample at once.
+    trigger_hz : float
+        How often a sync is sent that makes all pods sample at once, in place of
+        ``sync_period_s``; 0 = by their own timers.
 
     Notes
     -----
@@ -70,8 +74,8 @@ class CanImus:
         clock: Clock,
         *,
         settings: Mapping[int, Settings] | None = None,
-        sync_period_s: float = 0.25,
-        trigger: bool = False,
+        sync_period_s: float = PAIR_PERIOD_S,
+        trigger_hz: float = 0.0,
     ) -> None:
         self._port: Any = PythonCanPort(bus, clock) if isinstance(bus, can.BusABC) else bus
         self.name = str(self._port.name)
@@ -79,13 +83,17 @@ class CanImus:
         self._events = EventList()
         self._counters: Counter[str] = Counter()
         self._stations = {n: PodStation(pod, self._events) for n, pod in pods.items()}
+        wanted = {n: dict(asked) for n, asked in (settings or {}).items() if n in pods}
+        self._skew, self._trigger = TriggerSkew(), trigger_hz > 0
+        if self._trigger:
+            sync_period_s = 1.0 / trigger_hz
+            wanted = {n: {**wanted.get(n, {}), ConfigKey.SAMPLING: 1} for n in pods}
         self._configurators = {
-            n: PodConfigurator(n, self._stations[n].name, wanted, self._events)
-            for n, wanted in (settings or {}).items()
-            if n in self._stations
+            n: PodConfigurator(n, self._stations[n].name, asked, self._events)
+            for n, asked in wanted.items()
         }
         self._sync_period_ns = round(sync_period_s * 1e9)
-        self._trigger = trigger
+        self._syncs_per_pair = max(1, round(PAIR_PERIOD_S * trigger_hz))
         self._sync = SyncMaster()
         self._sync_due_ns: int | None = None
         self._heard_ns: dict[int, int] = {}
@@ -166,6 +174,8 @@ class CanImus:
     def health(self) -> dict[str, dict[str, int]]:
         """Return the counters by source: the bus, ``pod 1`` and so on."""
         groups = {self._port.name: {**self._counters, **self._port.counters}}
+        if self._trigger:
+            groups[self._port.name]["trigger_skew_us"] = self._skew.worst_us
         for node, station in self._stations.items():
             own = self._configurators[node].counters if node in self._configurators else {}
             groups[station.name] = {**station.all_counters(), **own}
@@ -245,12 +255,14 @@ class CanImus:
                 station.on_axes(message)
             case Sample():
                 self._heard(message.node, t_ns)
+                self._skew.on_sample(message)
                 sample = station.on_sample(message, t_ns)
                 if sample is not None:
                     self._ready.append(sample)
             case SyncReply():
+                self._skew.on_reply(message)
                 sent_ns = self._sync.sent_ns(message.seq)
-                if sent_ns is not None:
+                if sent_ns is not None and message.seq % self._syncs_per_pair == 0:
                     station.clock.add_pair(message.t_local_us, sent_ns)
             case Status():
                 restarts = station.counters["restarts"]

@@ -185,6 +185,7 @@ def can_sources(
             {link.node: pod.name for pod, link in members},
             parts.clock,
             settings={link.node: pod_settings(pod) for pod, link in members},
+            trigger_hz=max(pod.chip.rate_hz * link.triggered for pod, link in members),
         )
         opened.append((source, source.open))
     return opened

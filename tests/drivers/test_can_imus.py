@@ -10,7 +10,7 @@ from drivers.bno055.bring_up import Settings
 from drivers.bno055.registers import GYR_DATA, Mode
 from drivers.can_imus import CanImus
 from drivers.can_pod.codec import encode
-from drivers.can_pod.messages import Axes, ConfigKey, Identity, Kind, Sample, Sync
+from drivers.can_pod.messages import Axes, Identity, Kind, Sample, Sync
 from sim_bus.can_pod import SimCanBus
 from sim_bus.clock import SimClock
 from tests.drivers.wing_bench import SECOND
@@ -43,12 +43,7 @@ def test_sample_times_are_within_100_us(bench, clock_ppm, local_start_us) -> Non
 
 
 def test_two_pods_sample_at_once_when_the_sync_triggers_them(bench) -> None:
-    one = bench("can", pods=2, settings=RAW)
-    one.imus._trigger, one.imus._sync_period_ns = True, 10_000_000
-    one.imus._configurators[0]._wanted[ConfigKey.SAMPLING] = 1
-    one.imus._configurators[1]._wanted[ConfigKey.SAMPLING] = 1
-    for configurator in one.imus._configurators.values():
-        configurator.restart()
+    one = bench("can", pods=2, settings=RAW, trigger_hz=100.0, clock_ppm=60.0)
     one.fly(2.0)
     samples = one.fly(2.0)
     by_pod = {p: np.array([s.t_ns for s in samples if s.pod == p]) for p in ("0", "1")}
@@ -56,6 +51,8 @@ def test_two_pods_sample_at_once_when_the_sync_triggers_them(bench) -> None:
     assert count > 190
     skew_ns = np.abs(by_pod["0"][:, None] - by_pod["1"][None, :]).min(axis=1)
     assert np.median(skew_ns) <= 200_000
+    assert one.imus.health()[one.imus.name]["trigger_skew_us"] <= 200
+    assert one.imus.health()["pod 1"]["drift_ppb"] == pytest.approx(60e3, abs=5e3)
 
 
 def test_the_account_of_losses_closes(bench) -> None:

@@ -92,6 +92,7 @@ def make_bench(
     calibrations: CalibrationStore | None = None,
     mux: bool = False,
     byte_ns: int = 180_000,
+    trigger_hz: float = 0.0,
 ) -> Bench:
     """Return a bench that is not yet open."""
     clock, rng = SimClock(START), np.random.default_rng(seed)
@@ -139,5 +140,6 @@ def make_bench(
         del asked[ConfigKey.GYRO_RANGE_DPS], asked[ConfigKey.GYRO_BANDWIDTH_HZ]
     receiver: can.BusABC = SimCanBus(channel, clock)
     names = {n: str(n) for n in range(pods)}
-    imus = CanImus(receiver, names, clock, settings=dict.fromkeys(range(pods), asked))
+    each = dict.fromkeys(range(pods), asked)
+    imus = CanImus(receiver, names, clock, settings=each, trigger_hz=trigger_hz)
     return Bench(clock, chips, imus, plan, cores)
