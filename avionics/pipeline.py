@@ -226,14 +226,11 @@ class Pipeline:
         self._health.account(tick_ns)
 
     def _gs_row(self, gs: "WingGs", tick_ns: int) -> None:
-        had_begun = gs.has_begun
-        gs.commit(tick_ns)
+        for level, message in gs.commit(tick_ns):
+            self._health.tell("gs", level, message, tick_ns)
         belief = gs.row(tick_ns)
         if belief is None:
             return
-        if not had_begun:
-            master = "the root IMU" if gs.has_master else "a root at rest (no root IMU heard)"
-            self._health.tell("gs", "info", f"distributed POS against {master}", tick_ns)
         row = self._rows.single(tick_ns, "gs", belief)
         self._sink.write(topic_of(row), row, tick_ns, tick_ns)
 

@@ -91,10 +91,14 @@ class GsBank:
         heard : ndarray of bool, shape (M,)
             Which slaves delivered; the others are only propagated.
         """
-        self.x = self.x @ self._Phi.T
-        self.P = self._Phi @ self.P @ self._Phi.T + self._Q
+        self.coast()
         if heard.any():
             self._update(rate_m, rate_s[heard], heard)
+
+    def coast(self) -> None:
+        """Advance by one step of which the master's motion is not known: nothing is measured."""
+        self.x = self.x @ self._Phi.T
+        self.P = self._Phi @ self.P @ self._Phi.T + self._Q
 
     def _update(self, rate_m: Array, rate_s: Array, heard: NDArray[np.bool_]) -> None:
         x, P, dt = self.x[heard], self.P[heard], self._dt

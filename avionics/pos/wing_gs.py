@@ -1,10 +1,12 @@
 """Distributed POS on the wing: method Gs online, the root IMU as master and the pods as slaves.
 
-It needs neither camera nor start shape. Without a root IMU the root is taken to rest. The wing's
-angles at the pods come out of the filter; modal amplitudes are fitted to them.
+It needs neither camera nor start shape. Until a root IMU speaks the root is taken to rest; where
+one has spoken and is away, nothing is measured. The wing's angles at the pods come out of the
+filter; modal amplitudes are fitted to them.
 """
 
 import math
+from typing import Literal
 
 import numpy as np
 
@@ -18,6 +20,11 @@ from avionics.wse.inputs import GyroInputs
 from avionics.wse.kinematics import euler_rate_matrix
 from avionics.wse.outlook import Belief
 from avionics.wse.settings import FilterSettings
+
+# A root IMU that is away for longer is worth an event: as long as for any IMU.
+SILENCE_NS = 250_000_000
+
+News = tuple[Literal["info", "warning"], str]
 
 
 class WingGs:
@@ -50,16 +57,18 @@ class WingGs:
         self._known_ns = 0
         self._live: tuple[bool, ...] = (False,) * len(settings.pods_s)
         self.has_master = False
-
-    @property
-    def has_begun(self) -> bool:
-        """Whether the pods have given the filter its first instant."""
-        return self._bank is not None
+        self._lost_ns: int | None = None
+        self._is_told = False
+        self._back_ns = 0
+        self._news: list[News] = []
 
     def begin_anew(self) -> None:
         """Forget everything: the next samples are a new start."""
         self.inputs = GyroInputs(self._settings.rates, self._settings.pod_period_ns)
         self._bank = None
+        self._lost_ns = None
+        self._is_told = False
+        self._back_ns = 0
 
     def _begin(self, now_ns: int) -> GsBank | None:
         first = self.inputs.first_known_ns(now_ns)
@@ -67,7 +76,17 @@ class WingGs:
             return None
         period = self._period_ns
         self._known_ns = -(-first // period) * period
-        self.has_master = self.inputs.ahead(first, first + period).body is not None
+        # One that spoke and fell silent before the pods began is the master too, and away.
+        self.has_master = self._hears_root(0)
+        master = "the root IMU" if self.has_master else "a root at rest (no root IMU heard)"
+        self._news.append(("info", f"distributed POS against {master}"))
+        return self._new_bank()
+
+    def _hears_root(self, until_ns: int) -> bool:
+        """Return whether the root IMU spoke at an instant, shortly before, or later."""
+        return self.inputs.ahead(until_ns - self._period_ns, until_ns).body is not None
+
+    def _new_bank(self) -> GsBank:
         master = 1.0 if self.has_master else 0.0
         gyros = GyroBelief(
             noise_m=master * self._noise,
@@ -79,21 +98,67 @@ class WingGs:
         pods = len(self._settings.pods_s)
         return GsBank(pods, self._dt, self._flexure, gyros, self._rho_sigma)
 
-    def commit(self, now_ns: int) -> None:
-        """Run the filters over every step of the grid that is known at ``now_ns``."""
+    def commit(self, now_ns: int) -> list[News]:
+        """Run the filters over every step of the grid that is known at ``now_ns``.
+
+        Returns
+        -------
+        list of (level, message)
+            What there is to say of the master since the last call.
+        """
         if self._bank is None:
             self._bank = self._begin(now_ns)
-        if self._bank is None:
-            return
+        if self._bank is not None:
+            self._bank = self._run(self._bank, now_ns)
+        news, self._news = self._news, []
+        return news
+
+    def _run(self, bank: GsBank, now_ns: int) -> GsBank:
         horizon = self.inputs.known_until(now_ns)
+        if self._hears_root(horizon):
+            if not self.has_master:
+                message = "the root IMU speaks, the root is not at rest; starting anew against it"
+                self._news.append(("warning", message))
+                self.has_master, self._back_ns = True, now_ns
+                bank = self._new_bank()
+            self._end_silence(now_ns)
         while self._known_ns + self._period_ns <= horizon:
             end = self._known_ns + self._period_ns
             step = self.inputs.ahead(self._known_ns, end)
             self._live = self.inputs.regime(self._known_ns, end).live
-            body = np.zeros(3) if step.body is None else self._line_from_body @ step.body
-            self._bank.step(body, step.rates, np.array(self._live))
+            root = self._root_rate(step.body)
+            if root is None:
+                bank.coast()
+            else:
+                bank.step(self._line_from_body @ root, step.rates, np.array(self._live))
             self._known_ns = end
+        self._tell_silence()
         self.inputs.forget(self._known_ns - 10 * self._period_ns)
+        return bank
+
+    def _root_rate(self, heard: FloatArray | None) -> FloatArray | None:
+        """Return the root's rate in the step from now; None where it was not heard throughout."""
+        if not self.has_master:
+            return np.zeros(3)
+        if heard is None and self._lost_ns is None:
+            self._lost_ns = self._known_ns
+        return heard if self._known_ns >= self._back_ns else None
+
+    def _tell_silence(self) -> None:
+        if self._lost_ns is None or self._is_told or self._known_ns - self._lost_ns <= SILENCE_NS:
+            return
+        message = "the root IMU is silent; angles grow uncertain until it is back"
+        self._news.append(("warning", message))
+        self._is_told = True
+
+    def _end_silence(self, now_ns: int) -> None:
+        """Measure again from now on: before now the root's rate is not known."""
+        if self._lost_ns is None:
+            return
+        if self._is_told:
+            away_s = (now_ns - self._lost_ns) * 1e-9
+            self._news.append(("info", f"the root IMU is back after {away_s:.2f} s"))
+        self._back_ns, self._lost_ns, self._is_told = now_ns, None, False
 
     def row(self, tick_ns: int) -> Belief | None:
         """Return amplitudes and biases at a tick with what is known; None before the start.

@@ -1,6 +1,7 @@
 """Gs on the wing: angles of the stations, a turning root, and its rows among the pipeline's."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -101,14 +102,61 @@ def test_a_turning_root_tells_the_static_bend(config: Config) -> None:
     assert np.all(rms < 3.0 * sigma)
 
 
-def fly(config: Config, *, root: bool, seconds: float = 1.5) -> ListSink:
+ROOT_TALKS: dict[str, Callable[[int], bool]] = {
+    "lost for good": lambda k: k < 1500,
+    "5 s gap": lambda k: not 1500 <= k < 2000,
+    "3 s late": lambda k: k >= 300,
+}
+
+
+@pytest.mark.parametrize("talks", ROOT_TALKS.values(), ids=ROOT_TALKS)
+def test_a_root_that_is_lost_or_late_leaves_no_false_confidence(
+    config: Config, talks: Callable[[int], bool]
+) -> None:
+    """GIVEN a turning root, WHEN its IMU is away, THEN no error is beyond 4 own sigmas."""
+    settings = settings_from_config(config)
+    gs = WingGs(config, settings)
+    shapes = settings.basis.shape(settings.pods_s, 1)[:, 0]
+    at_pods = settings.basis.shape(settings.pods_s, settings.basis.bending)
+    ratios, sigmas, told = [], [], []
+    for k in range(3500):
+        root, pods = mean_rates(k, shapes)
+        t_ns = k * PERIOD_NS
+        if talks(k):
+            gs.inputs.add_root(t_ns, root)
+        for pod, rate in enumerate(pods):
+            gs.inputs.add(pod, t_ns, rate)
+        told += gs.commit(t_ns)
+        row = gs.row(t_ns)
+        if row is None:
+            continue
+        found = at_pods @ row.x[settings.basis.phi]
+        P = row.P[settings.basis.phi, settings.basis.phi]
+        sigmas.append(np.sqrt(np.diag(at_pods @ P @ at_pods.T)))
+        ratios.append((found - shapes * wing_rates(k * 0.01, shapes)[0]) / sigmas[-1])
+    assert len(sigmas) > 3400
+    assert np.max(np.abs(ratios)) < 4.0
+    is_back = talks(3499)
+    assert np.all(sigmas[-1] < 0.1) == is_back
+    assert len(told) == (3 if talks(0) and is_back else 2)
+
+
+def always(k: int) -> bool:
+    return True
+
+
+def never(k: int) -> bool:
+    return False
+
+
+def fly(config: Config, *, root: Callable[[int], bool], seconds: float = 1.5) -> ListSink:
     sink = ListSink()
     pipeline = Pipeline(config, sink)
     rng = np.random.default_rng(0)
     sample: dict[str, Any] = {"specific_force_m_s2": None, "magnetic_flux_t": None}
     for k in range(int(seconds * 100)):
         t_ns = k * PERIOD_NS
-        names = [*config.pod_names, *(["root"] if root else [])]
+        names = [*config.pod_names, *(["root"] if root(k) else [])]
         for name in names:
             rate = 0.01 * rng.standard_normal(3)
             pipeline.on_imu(ImuSample(t_ns, name, k, rate, **sample), t_ns + 1_000_000)
@@ -117,8 +165,15 @@ def fly(config: Config, *, root: bool, seconds: float = 1.5) -> ListSink:
     return sink
 
 
-@pytest.mark.parametrize("root", [False, True])
-def test_rows_stand_among_the_others_and_say_who_the_master_is(config: Config, root: bool) -> None:
+def told_by(sink: ListSink) -> list[tuple[str, str]]:
+    events = [r for _, r, _ in sink.records if isinstance(r, Event) and r.source == "gs"]
+    return [(event.level, event.message) for event in events]
+
+
+@pytest.mark.parametrize("root", [never, always])
+def test_rows_stand_among_the_others_and_say_who_the_master_is(
+    config: Config, root: Callable[[int], bool]
+) -> None:
     sink = fly(config, root=root)
     rows = [r for _, r, _ in sink.records if isinstance(r, WingShapeEstimate)]
     gs = [row for row in rows if row.kind == "gs"]
@@ -131,15 +186,39 @@ def test_rows_stand_among_the_others_and_say_who_the_master_is(config: Config, r
     assert np.all(np.linalg.eigvalsh(gs[-1].covariance) > -1e-12)
     arrivals = [arrival for _, _, arrival in sink.records]
     assert arrivals == sorted(arrivals)
-    told = [r.message for _, r, _ in sink.records if isinstance(r, Event) and r.source == "gs"]
-    wanted = "the root IMU" if root else "a root at rest"
+    told = told_by(sink)
+    wanted = "the root IMU" if root is always else "a root at rest"
     assert len(told) == 1
-    assert wanted in told[0]
+    assert wanted in told[0][1]
+
+
+def test_a_root_that_falls_silent_and_comes_back_is_told_once(config: Config) -> None:
+    sink = fly(config, root=lambda k: not 100 <= k < 200, seconds=3.0)
+    assert [level for level, _ in told_by(sink)] == ["info", "warning", "info"]
+    _, silent, back = (message for _, message in told_by(sink))
+    assert "the root IMU is silent" in silent
+    assert "the root IMU is back after" in back
+
+
+def test_a_short_stall_of_the_root_is_no_news(config: Config) -> None:
+    sink = fly(config, root=lambda k: not 100 <= k < 115, seconds=2.0)
+    assert len(told_by(sink)) == 1
+
+
+def test_a_root_that_comes_late_begins_the_filter_anew(config: Config) -> None:
+    sink = fly(config, root=lambda k: k >= 100, seconds=2.0)
+    (_, first), (level, second) = told_by(sink)
+    assert "a root at rest" in first
+    assert level == "warning"
+    assert "starting anew against it" in second
+    rows = [r for _, r, _ in sink.records if isinstance(r, WingShapeEstimate) and r.kind == "gs"]
+    sigmas = np.array([row.phi_sigma_rad.max() for row in rows])
+    assert sigmas[95:].max() > 1.1 * sigmas[90]
 
 
 def test_without_it_nothing_of_it_is_there(config: Config) -> None:
-    alone = fly(config.model_copy(update={"estimators": ("crg",)}), root=False)
-    both = fly(config, root=False)
+    alone = fly(config.model_copy(update={"estimators": ("crg",)}), root=never)
+    both = fly(config, root=never)
 
     def others(sink: ListSink) -> list[np.ndarray]:
         return [
