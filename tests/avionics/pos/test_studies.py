@@ -14,7 +14,14 @@ from avionics.analysis.pos_design_page import write_design
 from avionics.analysis.pos_drive import drive_spec, read_drive
 from avionics.analysis.pos_report import warnings, write_report
 from avionics.analysis.pos_results import digits, table_rows, write_parquet
-from avionics.analysis.pos_spec import FOLDER, READY, Spec, load_spec, parse_spec
+from avionics.analysis.pos_spec import (
+    FOLDER,
+    READY,
+    ChangeTable,
+    Spec,
+    load_spec,
+    parse_spec,
+)
 from avionics.analysis.pos_study import Study, run_study
 from avionics.cli import pos as cli
 from avionics.config_file import read_toml
@@ -67,6 +74,14 @@ def test_ready_specifications_hold_both_profiles(name: str) -> None:
         assert published.scenario in spec.scenarios
         methods = {method.name for method in spec.profiles["as_published"].methods}
         assert published.method in methods
+
+
+@pytest.mark.parametrize("name", READY)
+def test_every_change_changes_something(name: str) -> None:
+    for profile in load_spec(name).profiles.values():
+        plain = profile.changed(ChangeTable(name="none"))
+        for change in profile.changes:
+            assert profile.changed(change) != plain, change.name
 
 
 def test_the_flight_is_the_papers() -> None:
