@@ -1,13 +1,12 @@
 """One page about a distributed-POS study: tables beside the paper's, figures, explanations."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from scipy.stats import chi2
 
 from avionics.analysis.plots import STYLE
 from avionics.analysis.pos_explain import explain
@@ -20,19 +19,17 @@ from avionics.analysis.pos_figures import (
 from avionics.analysis.pos_results import (
     ARCMIN,
     HEAD,
+    QUANTITY_NAMES,
     digits,
     figure_of,
     quantities_of,
     table_rows,
 )
 from avionics.analysis.pos_study import Line, Study
+from avionics.analysis.pos_warnings import warnings
 from avionics.analysis.report_page import Page
 from avionics.pos.compiled import Array
 from avionics.pos.metrics import QUANTITIES
-
-QUANTITY_NAMES = ("system error angle", "rigid misalignment", "flexure angle")
-CHANCE = 0.999
-"""A ratio that honest filters exceed in one table of a thousand is called a fault."""
 
 
 def write_report(studies: Sequence[Study], folder: Path, notes: Sequence[str] = ()) -> Path:
@@ -144,6 +141,8 @@ def _profile(page: Page, pictures: _Pictures, study: Study) -> None:
         )  # fmt: skip
     if study.changes:
         explain(page, study)
+    if table.unexplained:
+        page.paragraph(f"Unexplained: {table.unexplained}")
 
 
 def _compared(study: Study) -> list[Line]:
@@ -222,25 +221,3 @@ def _digits(values: Array) -> list[str]:
 
 def _ratios(values: Array) -> list[str]:
     return [f"{value:.2f}" if np.isfinite(value) else "-" for value in values]
-
-
-def warnings(study: Study) -> Iterator[str]:
-    """Yield what a reader must not overlook: estimates whose own sigma cannot be believed.
-
-    Within a run the error hardly changes, so each run counts as one draw.
-    """
-    limit = float(np.sqrt(chi2.ppf(CHANCE, len(study.seeds)) / len(study.seeds)))
-    for line in study.lines:
-        for quantity in quantities_of(study.spec):
-            ratio = line.consistency(quantity)
-            bad = [
-                f"{axis} {value:.1f}"
-                for axis, value in zip("xyz", ratio, strict=True)
-                if np.isfinite(value) and value > limit
-            ]
-            if bad:
-                yield (
-                    f"{line.method}, {line.scenario}: the {QUANTITY_NAMES[quantity]} is wrong by "
-                    f"more than the filter knows, error / own sigma = {', '.join(bad)} (chance "
-                    f"allows {limit:.1f}). Do not use its covariance there."
-                )

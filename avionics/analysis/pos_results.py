@@ -13,6 +13,7 @@ from avionics.pos.metrics import QUANTITIES
 
 ARCMIN = float(np.rad2deg(60.0))
 AXES = ("x", "y", "z")
+QUANTITY_NAMES = ("system error angle", "rigid misalignment", "flexure angle")
 HEAD = (
     "scenario", "method", "segment", "of", "figure", "paper x", "y", "z",
     "ours x", "y", "z", "spread x", "y", "z",

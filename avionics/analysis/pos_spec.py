@@ -58,6 +58,7 @@ class ProfileTable(Table):
     truth: TruthTable = TruthTable()
     methods: tuple[MethodTable, ...] = Field(min_length=1)
     changes: tuple[ChangeTable, ...] = ()
+    unexplained: str = Field(default="", description="differences that no change accounts for")
 
     @model_validator(mode="after")
     def _is_consistent(self) -> "ProfileTable":

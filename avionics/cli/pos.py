@@ -167,8 +167,8 @@ def _console() -> "Console":
 def _print_study(study: "Study") -> None:
     from rich.table import Table  # noqa: PLC0415 (start-up)
 
-    from avionics.analysis.pos_report import warnings  # noqa: PLC0415 (desk)
     from avionics.analysis.pos_results import table_rows  # noqa: PLC0415 (desk)
+    from avionics.analysis.pos_warnings import warnings  # noqa: PLC0415 (desk)
 
     console, runs = _console(), len(study.seeds)
     head = ("scenario", "method", "segment", "of", "figure")
@@ -181,6 +181,9 @@ def _print_study(study: "Study") -> None:
     console.print(table)
     for text in warnings(study):
         console.print(f"[yellow]warning[/yellow] {study.profile}: {text}")
+    unexplained = study.spec.profiles[study.profile].unexplained
+    if unexplained:
+        console.print(f"{study.profile}, unexplained: {unexplained}")
 
 
 def _choice(wanted: str, known: tuple[str, ...], what: str) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from avionics.analysis.pos_design import analyse, load_design, parse_design, verdict
 from avionics.analysis.pos_design_page import write_design
 from avionics.analysis.pos_drive import drive_spec, read_drive
-from avionics.analysis.pos_report import warnings, write_report
+from avionics.analysis.pos_report import write_report
 from avionics.analysis.pos_results import digits, table_rows, write_parquet
 from avionics.analysis.pos_spec import (
     FOLDER,
@@ -23,6 +23,7 @@ from avionics.analysis.pos_spec import (
     parse_spec,
 )
 from avionics.analysis.pos_study import Study, run_study
+from avionics.analysis.pos_warnings import warnings
 from avionics.cli import pos as cli
 from avionics.config_file import read_toml
 from avionics.errors import AvionicsError, ConfigError, DataSetError, OutputExistsError
@@ -199,6 +200,30 @@ def test_a_wrong_model_is_called_out(spec: Spec) -> None:
     published = run_study("s", spec, "as_published", seeds=(1, 2), scenarios=("no variation",))
     told = list(warnings(published))
     assert any(text.startswith("As, no variation") for text in told)
+
+
+def test_a_run_that_diverged_is_called_out_among_the_changes_too(study: Study) -> None:
+    """GIVEN As 100 sigmas and 20 deg off on z with one change, THEN it says so, and of no other."""
+    assert not any("diverged" in text for text in warnings(study))
+    line = next(line for line in study.changes["20 Hz updates"] if line.method == "As")
+    run = line.runs[0]
+    rmse = run.rmse.copy()
+    rmse[0, :, 2] = math.radians(20.0)
+    lost = replace(line, runs=(replace(run, rmse=rmse, sigma=np.full_like(rmse, 1e-3)),))
+    changes = {"20 Hz updates": (lost,)}
+    told = [text for text in warnings(replace(study, changes=changes)) if "diverged" in text]
+    assert len(told) == 1
+    assert told[0].startswith("As diverged")
+    assert "with 20 Hz updates z 20." in told[0]
+
+
+def test_what_no_change_explains_is_said_on_the_page(spec: Spec, tmp_path: Path) -> None:
+    profile = spec.profiles["as_published"]
+    first = profile.model_copy(update={"methods": profile.methods[:1]})
+    small = spec.model_copy(update={"profiles": {"as_published": first}})
+    made = run_study("s", small, "as_published", seeds=(1,), scenarios=("no variation",))
+    text = write_report([made], tmp_path).read_text(encoding="utf-8")
+    assert "Unexplained: No change brings As" in text
 
 
 def test_design_answers_with_the_cheapest_that_will_do() -> None:
