@@ -130,7 +130,13 @@ def design(
     from rich.table import Table  # noqa: PLC0415 (start-up)
 
     from avionics.analysis.pos_design import analyse, load_design  # noqa: PLC0415 (pos is slow)
-    from avionics.analysis.pos_design_page import answers, rows, write_design  # noqa: PLC0415
+    from avionics.analysis.pos_design_page import (  # noqa: PLC0415 (desk)
+        AS_ON_Z,
+        answers,
+        required,
+        rows,
+        write_design,
+    )
 
     wanted = load_design(question)
     folder = _claim_folder(output, force=force)
@@ -144,6 +150,8 @@ def design(
     for row in rows(cells):
         table.add_row(*row[:3], "  ".join(row[3:6]), "  ".join(row[6:]))
     console.print(table)
+    console.print(f"[yellow]warning[/yellow] {AS_ON_Z}")
+    console.print(required(wanted))
     needs = Table("node", "grade", "needs", title="Cheapest that meets the requirement")
     for row in answers(wanted, cells):
         needs.add_row(*row)

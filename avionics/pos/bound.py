@@ -1,8 +1,9 @@
 """What no filter can beat: the Riccati bound of each method, computed apart from the filters.
 
-Nothing here is shared with the filter code. Transition matrices come from numerical derivatives of
-an independent strapdown, measurement matrices from numerical derivatives of the exact
-measurement along the true path; covariances are dense and step by plain matrix products.
+Shared with the filter code are the rotation formulas (``attitude``) and the earth's model
+(``earth``), no filter equation. Transition matrices come from numerical derivatives of an
+independent strapdown, measurement matrices from numerical derivatives of the exact measurement
+along the true path; covariances are dense and step by plain matrix products.
 """
 
 from collections.abc import Callable

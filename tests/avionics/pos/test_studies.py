@@ -258,6 +258,21 @@ def test_design_page_has_its_picture(tmp_path: Path) -> None:
     assert (tmp_path / "design.png").exists()
 
 
+def test_command_line_tells_the_requirement_and_warns_of_as(tmp_path: Path) -> None:
+    text = (FOLDER / "wing-nodes.toml").read_text(encoding="utf-8")
+    text = text.replace("duration_s = 100", "duration_s = 10").replace(
+        "duration_s = 400", "duration_s = 10"
+    )
+    file = tmp_path / "short.toml"
+    file.write_text(text.replace("from_s = 400, to_s = 700", "from_s = 30, to_s = 40"))
+    result = CliRunner().invoke(cli.app, ["design", str(file), "-o", str(tmp_path / "out")])
+    assert result.exit_code == 0, result.output
+    told = " ".join(result.output.split())
+    assert "Required, one-sigma about x, y, z: 3, 3, 6 arcmin." in told
+    assert "Do not count on the z sigmas of As." in told
+    assert "Do not count" in (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+
+
 def test_command_line_runs_a_file_and_refuses_to_overwrite(tmp_path: Path) -> None:
     text = (FOLDER / "guo-table1.toml").read_text(encoding="utf-8")
     text = text.replace("duration_s = 200", "duration_s = 20").replace(
