@@ -119,7 +119,10 @@ def evaluate(log: Path) -> Evaluation:
         raise RecordingError(msg)
     comparison = Comparison(reader.config, history, history.truth)
     if not comparison.t_ns.size:
-        msg = f"{log}: estimates and truth have no instant in common after {SETTLE_S:.0f} s"
+        msg = (
+            f"{log}: estimates and truth have no instant in common after the first "
+            f"{SETTLE_S:.0f} s, which are not scored"
+        )
         raise RecordingError(msg)
     kinds = {kind: comparison.score(rows) for kind, rows in history.estimates.items()}
     return Evaluation(history.truth.source, kinds, _track_figures(history))
@@ -182,7 +185,7 @@ class Comparison:
         tip_mm: dict[str, float | None] = {
             "rmse": _number(1e3 * np.sqrt(np.nanmean(distance**2))),
             "max": _number(1e3 * np.nanmax(distance)),
-        } if np.isfinite(distance).any() else {}  # fmt: skip
+        } if np.isfinite(distance).any() else {"rmse": None, "max": None}  # fmt: skip
         with np.errstate(invalid="ignore", divide="ignore"):
             nees = tip_error[:, 2] ** 2 / sigma[:, 2] ** 2
         finite = np.isfinite(nees)

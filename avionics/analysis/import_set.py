@@ -8,15 +8,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 from rich.markup import escape
 from rich.table import Table
 
 from avionics.analysis.calibrate_set import SetCalibration, calibrate_set
 from avionics.analysis.dataset import DataSet, read_data_set
 from avionics.config import Camera, Config, Estimator, Marker, Pod, Recorder, Wing
+from avionics.config_file import explain
 from avionics.config_links import GYRO_BANDWIDTHS_HZ, ImuChip
 from avionics.errors import DataSetError
-from avionics.recording import LogWriter
+from avionics.recording import LogWriter, appearing_whole
 from avionics.records import Event, Truth
 from avionics.topics import Record, topic_of
 from drivers.bno055.registers import filter_delay_s
@@ -112,16 +114,19 @@ def import_set(
     config = config_of(data)
     summary = ImportSummary()
     attachments: dict[str, bytes] = {}
-    if calibrate:
+    if calibrate and config.camera is None:
+        summary.notes.append("wing.yaml describes no camera; nothing was calibrated")
+    elif calibrate:
         summary.calibration = calibrate_set(data, config)
         config = config.model_copy(update={"camera": summary.calibration.camera})
         found = summary.calibration.to_json_dict()
         attachments[CALIBRATION_JSON] = json.dumps(found, indent=1).encode()
         summary.notes += summary.calibration.notes
     metadata = {"command": "import", "source": directory.resolve().name}
-    with LogWriter(
-        output, config, utc_offset_ns=0, metadata=metadata, attachments=attachments, force=force
-    ) as writer:
+    with (
+        appearing_whole(output, force=force) as part,
+        LogWriter(part, config, metadata=metadata, attachments=attachments, force=True) as writer,
+    ):
         start_ns, last_ns = None, 0
         for arrival_ns, _, record in heapq.merge(
             _imu_events(data), _frame_events(data, config), _truth_events(data, config),
@@ -181,10 +186,9 @@ def config_of(data: DataSet) -> Config:
             ),
             recorder=Recorder(image_format="png"),
         )
-    except ValueError as error:
-        first = str(error).splitlines()
-        msg = f"{data.directory / 'wing.yaml'}: {' '.join(first[1:3]) if len(first) > 1 else error}"
-        raise DataSetError(msg) from error
+    except ValidationError as error:
+        origin = str(data.directory / "wing.yaml")
+        raise DataSetError(explain(origin, error.errors()[0])) from error
 
 
 def _camera(data: DataSet) -> Camera | None:

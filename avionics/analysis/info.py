@@ -22,8 +22,8 @@ class TopicInfo:
         Records on it.
     first_ns, last_ns : int
         Arrival of the first and the last, ns of the steady clock.
-    lost : int
-        Numbers missing in the source's own count.
+    lost : int or None
+        Numbers missing in the source's own count; None where it had none, as in imported sets.
     note : str
         What else is worth knowing, e.g. the share of markers found.
     """
@@ -32,8 +32,13 @@ class TopicInfo:
     count: int = 0
     first_ns: int = 0
     last_ns: int = 0
-    lost: int = 0
+    lost: int | None = 0
     note: str = ""
+
+    @property
+    def lost_text(self) -> str:
+        """``lost`` for a table."""
+        return "-" if self.lost is None else str(self.lost)
 
     @property
     def rate_hz(self) -> float:
@@ -112,6 +117,7 @@ def read_info(path: Path) -> LogInfo:
         config_error,
         {name: len(data) for name, data in reader.attachments.items()},
     )
+    is_imported = reader.metadata.get("command") == "import"
     numbers: dict[str, int] = {}
     markers: dict[str, tuple[int, int]] = {}
     for topic, record, arrival_ns in reader.messages(decode_images=False):
@@ -120,7 +126,10 @@ def read_info(path: Path) -> LogInfo:
         entry.last_ns = arrival_ns
         if isinstance(record, ImuSample | EncodedFrame):
             number = record.seq if isinstance(record, ImuSample) else record.index
-            entry.lost += max(0, number - numbers.get(topic, number - 1) - 1)
+            if is_imported and isinstance(record, ImuSample):
+                entry.lost = None
+            if entry.lost is not None:
+                entry.lost += max(0, number - numbers.get(topic, number - 1) - 1)
             numbers[topic] = number
         elif isinstance(record, MarkerTracks):
             found, total = markers.get(topic, (0, 0))
@@ -154,7 +163,7 @@ def info_text(path: Path) -> str:
     ]
     for topic in info.topics.values():
         rate = f"{topic.rate_hz:8.2f}" if topic.count > 1 and topic.rate_hz > 0 else f"{'-':>8}"
-        line = f"  {topic.name:36} {topic.count:8} {rate} {topic.lost:6}  {topic.note}"
+        line = f"  {topic.name:36} {topic.count:8} {rate} {topic.lost_text:>6}  {topic.note}"
         lines.append(line.rstrip())
     if not info.topics:
         lines.append("  no records")

@@ -31,7 +31,7 @@ def tip_from_markers(
     Returns
     -------
     ndarray, shape (n, 3)
-        NaN where fewer than three markers are known.
+        NaN where fewer than three markers are known, or none of those at the tip, if there are any.
 
     Notes
     -----
@@ -52,7 +52,8 @@ def tip_from_markers(
     q = np.zeros(basis.count)
     for i, measured in enumerate(marker_m):
         known = np.isfinite(measured).all(axis=1)
-        if known.sum() < 3:
+        near = known & at_tip
+        if known.sum() < 3 or (at_tip.any() and not near.any()):
             continue
         for _ in range(PASSES):
             value, slope = complex_step(points.points, q)
@@ -65,7 +66,6 @@ def tip_from_markers(
             if np.abs(step).max() < 1e-7:
                 break
         result[i] = tip.points(q)[0]
-        near = known & at_tip
         if near.any():
             result[i] += (measured - points.points(q))[near].mean(axis=0)
     return result

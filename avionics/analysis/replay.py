@@ -9,7 +9,7 @@ from avionics.config import Config
 from avionics.config_file import apply_overrides, parse_config
 from avionics.errors import RecordingError
 from avionics.pipeline import Pipeline
-from avionics.recording import EncodedFrame, LogReader
+from avionics.recording import EncodedFrame, LogReader, appearing_whole
 from avionics.recording.log_process import LogProcess
 from avionics.records import Event, Health, MarkerTracks, Truth
 from avionics.topics import topic_of
@@ -96,19 +96,22 @@ def replay(
     attachments = {
         name: data for name, data in reader.attachments.items() if not name.startswith("config.")
     }
-    with LogProcess(
-        output,
-        flown,
-        utc_offset_ns=reader.utc_offset_ns,
-        metadata=metadata,
-        attachments=attachments,
-        force=force,
-    ) as writer:
+    with (
+        appearing_whole(output, force=force) as part,
+        LogProcess(
+            part,
+            flown,
+            utc_offset_ns=reader.utc_offset_ns,
+            metadata=metadata,
+            attachments=attachments,
+            force=True,
+        ) as writer,
+    ):
         run = _Replay(flown, writer, track=retrack or not has_tracks, images=images)
         summary = run.over(reader, progress)
-    if summary.records == 0:
-        msg = f"{log}: holds neither gyro samples nor frames; there is nothing to replay"
-        raise RecordingError(msg)
+        if summary.records == 0:
+            msg = f"{log}: holds neither gyro samples nor frames; there is nothing to replay"
+            raise RecordingError(msg)
     return summary
 
 

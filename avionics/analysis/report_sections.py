@@ -46,6 +46,7 @@ def _subtitle(flight: Flight) -> str:
         f"wing '{wing.name}', span {wing.span_m:g} m",
         f"{info.duration_s:.1f} s",
         f"recorded by 'avionics {command}'" if command else "",
+        f"replayed from {source}" if (source := info.metadata.get("replayed_from")) else "",
         f"software {info.metadata.get('software_version', 'unknown')}",
     ]
     return " · ".join(part for part in said if part)
@@ -216,7 +217,7 @@ def _losses(page: Page, flight: Flight) -> None:
     page.heading("What was recorded, and what was lost")
     rows = [
         (topic.name, topic.note, str(topic.count),
-         f"{topic.rate_hz:.2f}" if np.isfinite(topic.rate_hz) else "-", str(topic.lost))
+         f"{topic.rate_hz:.2f}" if np.isfinite(topic.rate_hz) else "-", topic.lost_text)
         for topic in flight.info.topics.values()
     ]  # fmt: skip
     page.table(("topic", "", "records", "rate, Hz", "lost at the source"), rows, numbers=2)

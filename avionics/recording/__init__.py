@@ -1,7 +1,7 @@
 """The log: MCAP with protobuf, safe from a kill, read back record by record."""
 
 from avionics.recording.images import EncodedFrame
-from avionics.recording.logfile import refuse_existing
+from avionics.recording.logfile import appearing_whole, refuse_existing
 from avionics.recording.reader import LoggedRecord, LogReader
 from avionics.recording.recorder import Recorder
 from avionics.recording.recover import Recovery, recover
@@ -16,6 +16,7 @@ __all__ = [
     "LoggedRecord",
     "Recorder",
     "Recovery",
+    "appearing_whole",
     "recover",
     "refuse_existing",
 ]

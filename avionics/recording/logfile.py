@@ -8,6 +8,7 @@ its last whole record and keeps the bytes for another try.
 import contextlib
 import os
 import stat
+from collections.abc import Iterator
 from pathlib import Path
 
 from avionics.errors import OutputExistsError, RecordingError, StorageError
@@ -34,6 +35,34 @@ def refuse_existing(path: Path, *, force: bool) -> None:
     if not path.parent.is_dir():
         msg = f"{path}: the directory {path.parent} does not exist; create it first"
         raise RecordingError(msg)
+
+
+@contextlib.contextmanager
+def appearing_whole(path: Path, *, force: bool = False) -> Iterator[Path]:
+    """Yield where to write a log that takes the place of ``path`` when the block succeeds.
+
+    Until then, and if the block fails, what stood there stays; a part of a log is not left behind.
+    For logs made from other files. A flight is written where it belongs from its first second on.
+
+    Raises
+    ------
+    OutputExistsError
+        If the file exists and ``force`` is False.
+    RecordingError
+        If it cannot be there.
+    """
+    refuse_existing(path, force=force)
+    if path.exists() and not path.is_file():
+        yield path
+        return
+    target = path.resolve()
+    part = target.with_name(f"{target.name}.part")
+    try:
+        yield part
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+    part.replace(target)
 
 
 class LogFile:

@@ -7,6 +7,7 @@ import pytest
 
 from avionics.analysis.dataset import read_data_set
 from avionics.analysis.import_set import import_set
+from avionics.analysis.info import read_info
 from avionics.errors import DataSetError
 from avionics.recording import LogReader
 from avionics.records import Event, Truth
@@ -170,3 +171,41 @@ def test_calibration_finds_the_camera_and_its_clock(tmp_path) -> None:
     stored = json.loads(LogReader(log).attachments["calibration.json"])
     assert stored["pose"]["rms_px"] == summary.calibration.pose.rms_px
     assert any("no chessboard" in note for note in summary.notes)
+
+
+def test_failed_import_keeps_what_stood_there_and_leaves_no_part(made, tmp_path) -> None:
+    log = tmp_path / "a.mcap"
+    content = made.yaml()
+    content["camera"]["width"] = 321
+    made.write_yaml(content)
+    with pytest.raises(DataSetError, match="321"):
+        import_set(made.path, log)
+    assert list(tmp_path.glob("a.mcap*")) == []
+    log.write_bytes(b"precious")
+    with pytest.raises(DataSetError, match="321"):
+        import_set(made.path, log, force=True)
+    assert log.read_bytes() == b"precious"
+    assert list(tmp_path.glob("a.mcap*")) == [log]
+
+
+def test_contradiction_in_the_description_is_one_line_of_ours(made, tmp_path) -> None:
+    content = made.yaml()
+    content["pods"][1]["id"] = content["pods"][0]["id"]
+    made.write_yaml(content)
+    with pytest.raises(DataSetError, match=r"wing\.yaml: .* are not unique$"):
+        import_set(made.path, tmp_path / "a.mcap")
+
+
+def test_set_without_camera_comes_in_uncalibrated(made, tmp_path) -> None:
+    content = made.yaml()
+    del content["camera"]
+    made.write_yaml(content)
+    summary = import_set(made.path, tmp_path / "a.mcap", calibrate=True)
+    assert any("nothing was calibrated" in note for note in summary.notes)
+
+
+def test_numbers_given_at_import_tell_no_losses(whole_set, tmp_path) -> None:
+    import_set(whole_set.path, tmp_path / "a.mcap")
+    topics = read_info(tmp_path / "a.mcap").topics
+    assert topics["/imu/0"].lost is None
+    assert topics["/camera/root/image"].lost == 0

@@ -145,7 +145,7 @@ def test_short_log_is_told(tmp_path) -> None:
     made = make_set(tmp_path / "set", seconds=2.0)
     import_set(made.path, tmp_path / "a.mcap")
     replay(tmp_path / "a.mcap", tmp_path / "b.mcap")
-    with pytest.raises(RecordingError, match="after 6 s"):
+    with pytest.raises(RecordingError, match="first 6 s"):
         evaluate(tmp_path / "b.mcap")
 
 
