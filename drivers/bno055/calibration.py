@@ -1,10 +1,14 @@
 """Calibration offsets of the chips, kept by the chip's unique id in one JSON file."""
 
 import json
+from collections.abc import Generator
 from pathlib import Path
 from typing import Protocol
 
+from drivers.bno055 import registers as reg
+from drivers.bno055.ports import RegisterPort
 from drivers.bno055.registers import CALIBRATION_LENGTH, Mode
+from drivers.clock import Clock
 from drivers.errors import DriverError, FrameFormatError
 
 
@@ -18,6 +22,19 @@ def is_complete(status: int, mode: Mode) -> bool:
     """
     wanted = 0x3F if mode.has_mag else 0x3C
     return mode.is_fusion and status & wanted == wanted
+
+
+def read_offsets(port: RegisterPort, clock: Clock, mode: Mode) -> Generator[int, None, bytes]:
+    """Return the calibration block; yields instants to wait for.
+
+    The chip shows it in CONFIG mode only, and is put back into ``mode``.
+    """
+    port.write(reg.OPR_MODE, bytes((Mode.CONFIG,)))
+    yield clock.now_ns() + reg.MODE_SWITCH_NS
+    block = port.read(reg.CALIBRATION, reg.CALIBRATION_LENGTH)
+    port.write(reg.OPR_MODE, bytes((mode,)))
+    yield clock.now_ns() + reg.MODE_SWITCH_NS
+    return block
 
 
 class CalibrationStore(Protocol):

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from drivers.bno055 import registers as reg
 from drivers.bno055.bring_up import BringUp, ChipState, Settings
-from drivers.bno055.calibration import CalibrationStore, is_complete
+from drivers.bno055.calibration import CalibrationStore, is_complete, read_offsets
 from drivers.bno055.ports import RegisterPort
-from drivers.bno055.registers import Mode
 from drivers.bno055.screening import Words, agree, is_all_zero, is_suspicious, words
 from drivers.clock import Clock
 from drivers.errors import BusError, DriverError, FrameFormatError
@@ -218,12 +217,8 @@ class Bno055:
         if self._calibrations is None or self.state is None:
             msg = f"{self.name}: no calibration store, or the chip is not up"
             raise DriverError(msg)
-        for mode in (Mode.CONFIG, self.settings.mode):
-            self._port.write(reg.OPR_MODE, bytes((mode,)))
-            yield self._clock.now_ns() + reg.MODE_SWITCH_NS
-            if mode is Mode.CONFIG:
-                block = self._port.read(reg.CALIBRATION, reg.CALIBRATION_LENGTH)
-                self._calibrations.save(self.state.uid, block)
+        block = yield from read_offsets(self._port, self._clock, self.settings.mode)
+        self._calibrations.save(self.state.uid, block)
 
     def _forget(self) -> None:
         self._previous = self._slope = None
