@@ -23,7 +23,7 @@ TRACKS = ("/camera/*/tracks",)
 IMAGES = frozenset(["/camera/*/image"])
 INPUTS = IMAGES | {"/imu/*", *TRACKS, "/wing/*/truth", "/health", "/event"}
 """What a replay reads of a log: the estimates are made again."""
-REMADE = ("pod ", "root", "camera ", "estimator")
+REMADE = ("pod ", "root", "camera ", "estimator", "gs")
 """Sources whose counters and events the pipeline makes again."""
 
 
