@@ -14,8 +14,8 @@ QUIET = 0.9
 def cpu_share(seconds: float = 1.5) -> float:
     """Return the part of a CPU that a spinning process gets here, 0 to 1.
 
-    Equal slices of work far shorter than a scheduler's time slice: the quickest tell how long
-    one takes undisturbed, all of them how long it took.
+    Equal slices of work far shorter than a scheduler's time slice: most are not disturbed, and
+    their median tells how long one takes then; all of them tell how long it took.
     """
     slices: list[float] = []
     start = last = time.perf_counter()
@@ -25,7 +25,7 @@ def cpu_share(seconds: float = 1.5) -> float:
         now = time.perf_counter()
         slices.append(now - last)
         last = now
-    undisturbed = sorted(slices)[len(slices) // 10]
+    undisturbed = sorted(slices)[len(slices) // 2]
     return min(1.0, undisturbed * len(slices) / (last - start))
 
 
