@@ -153,7 +153,11 @@ class Estimator(Section):
         "chip's low-pass, auto = half the period of its registers as well; the paper's form has "
         "none unless a number is given",
     )
-    sample_clock: bool | Auto = Field(default="auto", description="recover each pod's clock")
+    sample_clock: bool | Auto = Field(
+        default="auto",
+        description="recover each pod's clock from jittered stamps; auto = in the general form, "
+        "where our driver does not poll the chip and so knows when it was read",
+    )
     gyro_noise_dps_sqrthz: float = Field(default=0.014, gt=0)
     """Noise density of the gyros, deg/s/sqrt(Hz)."""
     bias_sigma_dps: float = Field(default=1.0, gt=0, description="initial one-sigma")

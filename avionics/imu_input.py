@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from avionics.config import Estimator, Pod
-from avionics.config_links import ImuChip
+from avionics.config_links import I2cLink, ImuChip, UartLink
 from avionics.health import HealthLog
 from avionics.sample_clock import SampleClock
 from drivers.bno055.registers import MODE_BY_NAME, filter_delay_s, register_age_s
@@ -114,7 +114,11 @@ class ImuChannel:
                 mode, chip.gyro_bandwidth_hz
             )
         self._lag_ns = round(1e9 * float(lag_s))
-        recovers = general if estimator.sample_clock == "auto" else estimator.sample_clock
+        # A late poll of a free-running chip reads newer data: its stamp is the sample's own time.
+        is_polled = pod is not None and isinstance(pod.link, I2cLink | UartLink)
+        recovers = estimator.sample_clock
+        if recovers == "auto":
+            recovers = general and not is_polled
         self._clock = SampleClock(period_s) if recovers else None
         self._period_ns = round(1e9 * period_s)
         local_from_sensor = np.array(pod.R_sensor_from_local).T if pod is not None else np.eye(3)

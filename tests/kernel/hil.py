@@ -5,13 +5,13 @@ import os
 import subprocess
 import sys
 import time
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from avionics.analysis.evaluate import SETTLE_S
 from avionics.recording import LogReader
 
 AVIONICS = (sys.executable, "-m", "avionics")
@@ -121,9 +121,17 @@ def figures(log: Path) -> dict[str, Any]:
     return dict(json.loads(avionics("evaluate", log, "--json")))
 
 
-def counts(log: Path) -> Counter[str]:
-    """Return the number of records of each topic."""
-    return Counter(message.topic for message in LogReader(log).messages())
+def kept(log: Path, rates_hz: dict[str, float]) -> dict[str, float]:
+    """Return the share of its records that each topic has in the part that is evaluated."""
+    times: dict[str, list[int]] = {topic: [] for topic in rates_hz}
+    for message in LogReader(log).messages(list(rates_hz)):
+        times[message.topic].append(message.record.t_ns)
+    first_ns = min(map(min, times.values())) + round(SETTLE_S * 1e9)
+    span_s = (max(map(max, times.values())) - first_ns) * 1e-9
+    return {
+        topic: sum(t >= first_ns for t in times[topic]) / (rate_hz * span_s)
+        for topic, rate_hz in rates_hz.items()
+    }
 
 
 def tip_motion_m(log: Path) -> float:

@@ -1,5 +1,8 @@
 """The wing's truth: consistent with itself, and with the estimator's geometry where it must be."""
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -180,6 +183,29 @@ def test_long_past_is_refused_not_invented(config: Config) -> None:
     wing.truth(int(5e9))
     with pytest.raises(ValueError, match="forgotten"):
         wing.truth(int(1e9))
+
+
+def test_known_times_are_answered_while_another_thread_marches(config: Config, monkeypatch) -> None:
+    wing = flying(config, "default")
+    known = wing.truth(int(1e9))
+    marching, may_end = threading.Event(), threading.Event()
+
+    def march() -> None:
+        marching.set()
+        assert may_end.wait(10.0)
+        real_march()
+
+    real_march = wing._march
+    monkeypatch.setattr(wing, "_march", march)
+    with ThreadPoolExecutor(2) as threads:
+        ahead = threads.submit(wing.truth, int(2e9))
+        assert marching.wait(10.0)
+        try:
+            again = threads.submit(wing.truth, int(1e9)).result(timeout=5.0)
+        finally:
+            may_end.set()
+        assert again.line_in_body_m.tobytes() == known.line_in_body_m.tobytes()
+        assert ahead.result(timeout=10.0).t_ns == int(2e9)
 
 
 def test_marker_sits_in_its_section(bent: SimWing) -> None:
