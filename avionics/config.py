@@ -156,7 +156,7 @@ class Estimator(Section):
     sample_clock: bool | Auto = Field(
         default="auto",
         description="recover each pod's clock from jittered stamps; auto = in the general form, "
-        "where our driver does not poll the chip and so knows when it was read",
+        "of pods without a link: our drivers know when a chip measured, a data set may not",
     )
     gyro_noise_dps_sqrthz: float = Field(default=0.014, gt=0)
     """Noise density of the gyros, deg/s/sqrt(Hz)."""

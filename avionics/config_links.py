@@ -2,8 +2,12 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+JetsonWhiteBalance = Literal[
+    "off", "auto", "incandescent", "fluorescent", "warm-fluorescent", "daylight",
+    "cloudy-daylight", "twilight", "shade",
+]  # fmt: skip
 
 class Section(BaseModel):
     """Base of every table: unknown keys are errors, values never change."""
@@ -105,6 +109,17 @@ class GStreamerCamera(Section):
     """Fixed exposure, us; automatic if absent."""
     gain: float | None = Field(default=None, ge=1)
     """Fixed gain."""
+    white_balance: JetsonWhiteBalance | None = Field(
+        default=None, description="fixed; absent = off if the exposure is fixed, otherwise auto"
+    )
+
+    @model_validator(mode="after")
+    def _settings_have_a_place(self) -> "GStreamerCamera":
+        named = [name for name in ("gain", "white_balance") if getattr(self, name) is not None]
+        if self.pipeline is not None and named:
+            msg = f"{named[0]} is for the Jetson's own line; a pipeline says it itself"
+            raise ValueError(msg)
+        return self
 
 
 class SocketCamera(Section):

@@ -254,6 +254,7 @@ def open_camera(camera: Camera, clock: Clock) -> Source[Frame]:
                 fps=camera.fps,
                 exposure_us=source.exposure_us,
                 gain=source.gain,
+                white_balance=source.white_balance,
             )
             process = FrameProcess(
                 line,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from avionics.config import Estimator, Pod
-from avionics.config_links import I2cLink, ImuChip, UartLink
+from avionics.config_links import ImuChip
 from avionics.health import HealthLog
 from avionics.sample_clock import SampleClock
 from drivers.bno055.registers import MODE_BY_NAME, filter_delay_s, register_age_s
@@ -114,11 +114,11 @@ class ImuChannel:
                 mode, chip.gyro_bandwidth_hz
             )
         self._lag_ns = round(1e9 * float(lag_s))
-        # A late poll of a free-running chip reads newer data: its stamp is the sample's own time.
-        is_polled = pod is not None and isinstance(pod.link, I2cLink | UartLink)
+        # Our drivers know when a chip measured: a late poll has read newer data. What others
+        # recorded may be late stamps of a regular clock.
         recovers = estimator.sample_clock
         if recovers == "auto":
-            recovers = general and not is_polled
+            recovers = general and (pod is None or pod.link is None)
         self._clock = SampleClock(period_s) if recovers else None
         self._period_ns = round(1e9 * period_s)
         local_from_sensor = np.array(pod.R_sensor_from_local).T if pod is not None else np.eye(3)

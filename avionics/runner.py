@@ -178,7 +178,8 @@ class _Live:
     def __init__(self, rig: Rig, config: Config, stop: threading.Event) -> None:
         self.counters: Counter[str] = Counter()
         self._rig, self._stop = rig, stop
-        self._records: queue.Queue[Record] = queue.Queue(LIVE_QUEUE_RECORDS)
+        # ``queue.Queue`` costs a small machine more than many a record: its waits are Python.
+        self._records: queue.SimpleQueue[Record] = queue.SimpleQueue()
         self._frames: queue.Queue[tuple[Frame, MarkerPrediction]] = queue.Queue(1)
         self._tracker = tracker_for(config)
 
@@ -221,10 +222,10 @@ class _Live:
         self._frames.put((frame, predict(frame)))
 
     def _put(self, record: Record) -> None:
-        try:
-            self._records.put_nowait(record)
-        except queue.Full:
+        if self._records.qsize() >= LIVE_QUEUE_RECORDS:
             self.counters["records_lost_queue_full"] += 1
+        else:
+            self._records.put(record)
 
     def _pump(self, source: AnySource) -> None:
         failing = False

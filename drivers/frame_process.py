@@ -31,6 +31,11 @@ RETRY_NS: Final = 500_000_000
 # How old a frame may be when it arrives; Argus takes 60 ms at 12 MP.
 OLDEST_NS, NEWEST_NS = 2_000_000_000, 50_000_000
 _BASE_TIME: Final = re.compile(rb"base_time[= ](\d+):(\d\d):(\d\d)\.(\d{9})")
+# By nvarguscamerasrc's number (wbmode); 9, manual, is left out.
+JETSON_WHITE_BALANCE: Final = (
+    "off", "auto", "incandescent", "fluorescent", "warm-fluorescent", "daylight",
+    "cloudy-daylight", "twilight", "shade",
+)  # fmt: skip
 _TAIL: Final = "! queue leaky=downstream max-size-buffers=1 ! gdppay ! fdsink fd=1 sync=false"
 
 
@@ -42,6 +47,7 @@ def jetson_csi_line(
     fps: float = 30.0,
     exposure_us: int | None = None,
     gain: float | None = None,
+    white_balance: str | None = None,
 ) -> str:
     """Return the pipeline of a Jetson's CSI camera, up to raw video.
 
@@ -55,12 +61,17 @@ def jetson_csi_line(
         Fixed exposure, us; automatic if None.
     gain : float or None
         Fixed analogue gain; automatic if None.
+    white_balance : str or None
+        One of ``JETSON_WHITE_BALANCE``; None is "off" with a fixed exposure, otherwise "auto".
     """
+    if white_balance is None:
+        white_balance = "auto" if exposure_us is None else "off"
     options = f"sensor-id={sensor_id}"
     if exposure_us is not None:
-        options += f' exposuretimerange="{exposure_us * 1000} {exposure_us * 1000}" wbmode=0'
+        options += f' exposuretimerange="{exposure_us * 1000} {exposure_us * 1000}"'
     if gain is not None:
         options += f' gainrange="{gain:g} {gain:g}" ispdigitalgainrange="1 1"'
+    options += f" wbmode={JETSON_WHITE_BALANCE.index(white_balance)}"
     mode = f"width={width_px},height={height_px},framerate={round(fps * 1000)}/1000,format=NV12"
     return (
         f"nvarguscamerasrc {options} ! video/x-raw(memory:NVMM),{mode} ! nvvidconv ! "

@@ -42,8 +42,10 @@ def run(
         GuestKernel,
         typer.Option("--kernel", help="User Mode Linux, or a virtual machine with V4L2."),
     ] = GuestKernel.UML,
-    limit: Annotated[float, typer.Option("--limit", metavar="S", help="Longest life.")] = 600.0,
-    memory: Annotated[int, typer.Option("--memory", metavar="MIB", help="Memory.")] = 768,
+    limit: Annotated[
+        float, typer.Option("--limit", min=1.0, metavar="S", help="Longest life.")
+    ] = 600.0,
+    memory: Annotated[int, typer.Option("--memory", min=64, metavar="MIB", help="Memory.")] = 768,
 ) -> None:
     """Run a command in a guest kernel that sees this machine's files, read-only.
 

@@ -48,7 +48,7 @@ def pytest_configure(config: pytest.Config) -> None:
     for tier in TIERS:
         config.addinivalue_line("markers", f"{tier.name}: {tier.content}")
     known = {tier.name for tier in TIERS}
-    for name in filter(None, config.getoption("--require").split(",")):
+    for name in filter(None, map(str.strip, config.getoption("--require").split(","))):
         if name not in known:
             msg = f"--require={name}: no such tier; known: {', '.join(sorted(known))}"
             raise pytest.UsageError(msg)

@@ -1,14 +1,18 @@
-"""From a configuration's links to drivers: what a CAN bus of pods is told."""
+"""From a configuration's links to drivers: what a CAN bus of pods and a camera are told."""
+
+from typing import get_args
 
 import can
 import numpy as np
 import pytest
 
 from avionics.config import Pod
+from avionics.config_links import GStreamerCamera, JetsonWhiteBalance
 from avionics.connections import imu_openers
 from avionics.errors import ConfigError
 from drivers.can_pod.codec import decode
 from drivers.can_pod.messages import Sample
+from drivers.frame_process import JETSON_WHITE_BALANCE
 from sim_bus.bno055_chip import SimBno055
 from sim_bus.can_pod import SimPod
 from sim_bus.realtime import PacedClock
@@ -66,3 +70,9 @@ def test_one_bus_is_triggered_as_a_whole_or_not_at_all() -> None:
     (opener,) = imu_openers(pods(True, False), None)
     with pytest.raises(ConfigError, match="some pods are triggered, some are not"):
         opener()
+
+
+def test_what_a_pipeline_of_ones_own_would_ignore_is_refused() -> None:
+    assert get_args(JetsonWhiteBalance) == JETSON_WHITE_BALANCE
+    with pytest.raises(ValueError, match="white_balance is for the Jetson's own line"):
+        GStreamerCamera(pipeline="videotestsrc", white_balance="shade")

@@ -167,6 +167,19 @@ def test_csi_line_fixes_exposure_and_gain() -> None:
     assert "width=640,height=480,framerate=30000/1000,format=NV12" in line
 
 
+@pytest.mark.parametrize(
+    ("settings", "number"),
+    [
+        ({}, 1),
+        ({"exposure_us": 2000}, 0),
+        ({"white_balance": "daylight"}, 5),
+        ({"exposure_us": 2000, "white_balance": "auto"}, 1),
+    ],
+)
+def test_csi_line_says_the_white_balance(settings, number: int) -> None:
+    assert f" wbmode={number} !" in jetson_csi_line(**settings)
+
+
 def gdp_stream() -> bytes:
     caps = b"video/x-raw, width=(int)31, height=(int)8, format=(string)BGR\0"
     return packet(2, caps) + b"".join(packet(1, picture(n), n * 1000) for n in range(20))

@@ -17,12 +17,16 @@ from avionics.recording import LogReader
 AVIONICS = (sys.executable, "-m", "avionics")
 START_S = 150.0
 
-# Moves from the first second on, so that a short flight is one; truth enough for 3 Hz, for the
-# guest has one CPU.
+# Moves from the first second on, so that a short flight is one; wing and truth are fine enough
+# for 3 Hz, for the guest has one CPU.
 SCENARIO = """
 name = "hil"
 duration_s = 60.0
 truth_hz = 25.0
+
+[wing]
+elements = 12
+step_s = 0.004
 
 [[loads]]
 kind = "sweep"

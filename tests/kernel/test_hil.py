@@ -20,7 +20,7 @@ OVER_UART_AND_SIMBUS = (
     f'pods=[{{id=0,s_m=0.6,{CHIP},link={{kind="uart",port="x"}}}},'
     f'{{id=1,s_m=1.2,{CHIP},link={{kind="can",interface="virtual",channel="wing",node=1}}}}]'
 )
-# At 50 Hz: 100 I2C ticks and 200 frames a second beside wing, camera and tracker are too much.
+# At 50 Hz: at 100 the guest's CPU is half busy, and one that two processes share is then late.
 SLOW_CHIP = CHIP.replace("}", ",rate_hz=50}")
 OVER_I2C_AND_CAN = (
     f'pods=[{{id=0,s_m=0.6,{SLOW_CHIP},link={{kind="i2c",bus=1,address=0x28}}}},'

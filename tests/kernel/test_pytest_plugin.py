@@ -116,7 +116,7 @@ def test_missing_tier_is_skipped_with_its_remedy(project: Path) -> None:
 
 
 def test_promised_tier_that_is_missing_fails(project: Path) -> None:
-    done = run(project, "-m", "uml", "--require=uml", MISSING="linux.uml not found; install it")
+    done = run(project, "-m", "uml", "--require= uml", MISSING="linux.uml not found; install it")
     assert done.returncode == pytest.ExitCode.USAGE_ERROR
     assert "promised tier 'uml' cannot run here: linux.uml not found" in done.stderr
 

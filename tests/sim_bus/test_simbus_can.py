@@ -1,5 +1,8 @@
 """The python-can interface that several processes share."""
 
+import os
+import pty
+import select
 import signal
 import subprocess
 import sys
@@ -130,6 +133,32 @@ def test_can_logger_of_python_can_records_the_bus(channel, tmp_path) -> None:
         logger.send_signal(signal.SIGINT)
         logger.communicate(timeout=20)
     assert "321#7365656E" in log.read_text(encoding="ascii")
+
+
+def test_can_viewer_of_python_can_shows_the_bus(channel) -> None:
+    script = Path(sys.executable).with_name("can_viewer")
+    screen, terminal = pty.openpty()
+    size = {"TERM": "xterm", "LINES": "24", "COLUMNS": "100"}
+    with (
+        join(channel) as bus,
+        subprocess.Popen(
+            [str(script), "-i", "simbus", "-c", channel],
+            stdin=terminal, stdout=terminal, stderr=terminal, env={**os.environ, **size},
+        ) as viewer,
+    ):  # fmt: skip
+        os.close(terminal)
+        shown, give_up = "", time.monotonic() + 30
+        while not ("0x321" in shown and "73 65 65 6E" in shown) and time.monotonic() < give_up:
+            bus.send(message(0x321, b"seen"))
+            if select.select([screen], [], [], 0.05)[0]:
+                shown += os.read(screen, 65536).decode(errors="replace")
+        os.write(screen, b"q")
+        try:
+            assert viewer.wait(timeout=20) == 0
+        finally:
+            viewer.kill()
+            os.close(screen)
+    assert "0x321" in shown and "73 65 65 6E" in shown, shown
 
 
 def test_our_own_factory_opens_it(channel) -> None:
