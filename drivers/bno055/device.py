@@ -4,7 +4,7 @@ Nothing here waits: what takes time is a generator of instants, and the owner of
 how to spend them.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator
 
 import numpy as np
@@ -29,6 +29,10 @@ STALE_AFTER = 5
 FROZEN_AFTER = 25
 LONGEST_LEAD_NS = 30_000_000
 ADDRESS_BYTES = 3
+# A burst so much longer than the shortest of the last ones was held up, nobody knows where: better
+# no sample than one that is milliseconds wrong.
+SLOW_NS = 5_000_000
+DURATIONS = 100
 REPEATS_BEFORE_PAGE_CHECK = 3
 
 
@@ -85,6 +89,8 @@ class Bno055:
         self._repeats = 0
         self._frozen_after = FROZEN_AFTER
         self._is_doubtful = self._is_verified = False
+        self._durations_ns: deque[int] = deque(maxlen=DURATIONS)
+        self._is_vague = False
 
     @property
     def name(self) -> str:
@@ -129,7 +135,7 @@ class Bno055:
             self._clock.sleep_until_ns(t_ns)
 
     def read(self, seq: int) -> ImuSample | None:
-        """Return one screened sample, or None if what came was rubbish (and counted).
+        """Return one screened sample, or None if what came was rubbish or late (and counted).
 
         Parameters
         ----------
@@ -149,6 +155,9 @@ class Bno055:
                 return None
             t_ns, values = second
         if not self._is_alive(values):
+            return None
+        if self._is_vague:
+            self.counters["read_slow"] += 1
             return None
         self._remember(t_ns, values)
         self.counters["samples"] += 1
@@ -242,6 +251,8 @@ class Bno055:
         if taken_ns is None:
             whole_ns = self._clock.now_ns() - before_ns
             taken_ns = before_ns + whole_ns * ADDRESS_BYTES // (ADDRESS_BYTES + self._length)
+            self._durations_ns.append(whole_ns)
+            self._is_vague = whole_ns - min(self._durations_ns) > SLOW_NS
         return taken_ns, words(data)
 
     def _expected(self, t_ns: int) -> Words | None:

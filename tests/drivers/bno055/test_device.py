@@ -258,3 +258,32 @@ def test_hard_manoeuvre_is_believed_after_the_second_look(bench, monkeypatch) ->
     assert len(samples) >= 48
     assert samples[-1].rate_rad_s[0] == pytest.approx(9000 * np.radians(2000 / 32768), rel=1e-3)
     assert samples[0].t_ns - start_ns < 0.03 * SECOND
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_a_burst_that_was_held_up_gives_no_sample_rather_than_a_wrong_time(
+    bench, monkeypatch, before: bool
+) -> None:
+    one = bench("i2c", settings=Settings(mode=Mode.GYRONLY))
+    one.imus.open()
+    one.fly(0.2)
+    honest, taken, count = one.chips[0].read, [], 0
+
+    def read(register, length, t_ns):
+        nonlocal count
+        count += register == 0x14
+        hold_up_ns = 7_000_000 if count % 10 == 0 else 1_000_000
+        if before:
+            one.clock.advance(hold_up_ns)
+        data = honest(register, length, one.clock.now_ns())
+        taken.append(one.clock.now_ns())
+        if not before:
+            one.clock.advance(hold_up_ns)
+        return data
+
+    monkeypatch.setattr(one.chips[0], "read", read)
+    samples = one.fly(3.0)
+    assert one.count("read_slow") == pytest.approx(30, abs=3)
+    assert len(samples) == pytest.approx(270, abs=6)
+    error_ns = [min(abs(s.t_ns - t) for t in taken) for s in samples]
+    assert max(error_ns) < 2_000_000
