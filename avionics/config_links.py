@@ -9,6 +9,7 @@ JetsonWhiteBalance = Literal[
     "cloudy-daylight", "twilight", "shade",
 ]  # fmt: skip
 
+
 class Section(BaseModel):
     """Base of every table: unknown keys are errors, values never change."""
 
@@ -105,8 +106,12 @@ class GStreamerCamera(Section):
     pipeline: str | None = Field(default=None, description="up to raw video; None = Jetson CSI")
     sensor_id: int = 0
     """CSI port."""
-    exposure_us: int | None = Field(default=None, gt=0)
-    """Fixed exposure, us; automatic if absent."""
+    exposure_us: int | None = Field(
+        default=None,
+        gt=0,
+        description="fixed exposure, us; absent = automatic. Beside a pipeline "
+        "of your own: what it sets, for the time stamps",
+    )
     gain: float | None = Field(default=None, ge=1)
     """Fixed gain."""
     white_balance: JetsonWhiteBalance | None = Field(

@@ -4,7 +4,7 @@ Nothing here waits: what takes time is a generator of instants, and the owner of
 how to spend them.
 """
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from drivers.bno055 import registers as reg
 from drivers.bno055.bring_up import BringUp, ChipState, Settings
+from drivers.bno055.burst_time import BurstTime
 from drivers.bno055.calibration import CalibrationStore, is_complete, read_offsets
 from drivers.bno055.ports import RegisterPort
 from drivers.bno055.screening import Words, agree, is_all_zero, is_suspicious, words
@@ -28,11 +29,6 @@ ACCEL_STEP_M_S2 = 60.0
 STALE_AFTER = 5
 FROZEN_AFTER = 25
 LONGEST_LEAD_NS = 30_000_000
-ADDRESS_BYTES = 3
-# A burst so much longer than the shortest of the last ones was held up, nobody knows where: better
-# no sample than one that is milliseconds wrong.
-SLOW_NS = 5_000_000
-DURATIONS = 100
 REPEATS_BEFORE_PAGE_CHECK = 3
 
 
@@ -86,11 +82,9 @@ class Bno055:
         self._previous: Words | None = None
         self._slope: FloatArray | None = None
         self._previous_ns = 0
-        self._repeats = 0
         self._frozen_after = FROZEN_AFTER
-        self._is_doubtful = self._is_verified = False
-        self._durations_ns: deque[int] = deque(maxlen=DURATIONS)
         self._is_vague = False
+        self._forget()
 
     @property
     def name(self) -> str:
@@ -233,6 +227,7 @@ class Bno055:
         self._previous = self._slope = None
         self._repeats = 0
         self._is_doubtful = self._is_verified = False
+        self._burst_time = BurstTime(self._length)
 
     def _burst(self) -> tuple[int, Words]:
         """Return when the chip took its data, ns, and the words.
@@ -249,10 +244,7 @@ class Bno055:
             data = self._port.read(self._first, self._length)
         taken_ns = self._port.taken_ns
         if taken_ns is None:
-            whole_ns = self._clock.now_ns() - before_ns
-            taken_ns = before_ns + whole_ns * ADDRESS_BYTES // (ADDRESS_BYTES + self._length)
-            self._durations_ns.append(whole_ns)
-            self._is_vague = whole_ns - min(self._durations_ns) > SLOW_NS
+            taken_ns, self._is_vague = self._burst_time.taken_ns(before_ns, self._clock.now_ns())
         return taken_ns, words(data)
 
     def _expected(self, t_ns: int) -> Words | None:

@@ -6,12 +6,14 @@ import can
 import numpy as np
 import pytest
 
-from avionics.config import Pod
+from avionics import connections
+from avionics.config import Camera, Pod
 from avionics.config_links import GStreamerCamera, JetsonWhiteBalance
 from avionics.connections import imu_openers
 from avionics.errors import ConfigError
 from drivers.can_pod.codec import decode
 from drivers.can_pod.messages import Sample
+from drivers.clock import SteadyClock
 from drivers.frame_process import JETSON_WHITE_BALANCE
 from sim_bus.bno055_chip import SimBno055
 from sim_bus.can_pod import SimPod
@@ -76,3 +78,21 @@ def test_what_a_pipeline_of_ones_own_would_ignore_is_refused() -> None:
     assert get_args(JetsonWhiteBalance) == JETSON_WHITE_BALANCE
     with pytest.raises(ValueError, match="white_balance is for the Jetson's own line"):
         GStreamerCamera(pipeline="videotestsrc", white_balance="shade")
+
+
+def test_a_camera_gets_what_the_configuration_fixes(monkeypatch) -> None:
+    lines = []
+
+    class Process:
+        def __init__(self, line: str, clock, **options) -> None:
+            lines.append(line)
+
+        def open(self) -> None:
+            pass
+
+    monkeypatch.setattr(connections, "FrameProcess", Process)
+    source = GStreamerCamera(exposure_us=2000, gain=4, white_balance="shade")
+    lens = {"f_x_px": 500.0, "f_y_px": 500.0, "c_x_px": 320.0, "c_y_px": 240.0}
+    connections.open_camera(Camera(**lens, source=source), SteadyClock())
+    for part in ('exposuretimerange="2000000 2000000"', 'gainrange="4 4"', "wbmode=8"):
+        assert part in lines[0]

@@ -1,4 +1,4 @@
-"""GIVEN reads at irregular times WHEN a sample enters the estimator THEN its time is the true one."""
+"""GIVEN reads at irregular times WHEN a sample enters the estimator THEN its time is true."""
 
 import numpy as np
 import pytest

@@ -53,7 +53,9 @@ def test_live_source_has_exact_stamps() -> None:
 
 
 def test_jetsons_line_runs_unmodified_on_stand_ins(stand_ins) -> None:
-    line = jetson_csi_line(width_px=640, height_px=480, exposure_us=2000, gain=4, white_balance="shade")
+    line = jetson_csi_line(
+        width_px=640, height_px=480, exposure_us=2000, gain=4, white_balance="shade"
+    )
     camera = FrameProcess(line, SteadyClock(), fps=30.0)
     camera.open(120.0)
     frames, _ = frames_of(camera, 10)

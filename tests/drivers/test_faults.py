@@ -12,7 +12,11 @@ def test_fault_is_survived_and_counted(case: Case) -> None:
     assert outcome.recovery_s <= case.recovery_s
     assert outcome.wrong_s <= case.wrong_s
     assert outcome.wrong_after == 0
-    assert outcome.counters.get(case.counter, 0) > 0
+    count = outcome.counters.get(case.counter, 0)
+    assert count > 0
+    # Seeded and simulated: the page's figures are this run's.
+    line = rows()[CASES.index(case)].line(outcome.recovery_s, str(max(0, outcome.lost)), count)
+    assert line in PAGE.read_text(encoding="utf-8").splitlines()
 
 
 @pytest.mark.parametrize("case", camera_faults.CASES, ids=lambda case: case.kind)

@@ -53,6 +53,7 @@ def wrong(done, status: int, *words: str) -> None:
         (("sim", "--duration", "-1"), ("--duration", "avionics sim --help")),
         (("sim", "--frobnicate"), ("--frobnicate",)),
         (("rig", "nosuch"), ("nosuch", "avionics rig --help")),
+        (("rig", "run", "--limit", "0", "--", "true"), ("--limit", "avionics rig run --help")),
     ],
     ids=" ".join,
 )

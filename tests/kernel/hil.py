@@ -125,15 +125,14 @@ def figures(log: Path) -> dict[str, Any]:
     return dict(json.loads(avionics("evaluate", log, "--json")))
 
 
-def kept(log: Path, rates_hz: dict[str, float]) -> dict[str, float]:
+def kept(log: Path, rates_hz: dict[str, float], flight_s: float) -> dict[str, float]:
     """Return the share of its records that each topic has in the part that is evaluated."""
     times: dict[str, list[int]] = {topic: [] for topic in rates_hz}
     for message in LogReader(log).messages(list(rates_hz)):
         times[message.topic].append(message.record.t_ns)
-    first_ns = min(map(min, times.values())) + round(SETTLE_S * 1e9)
-    span_s = (max(map(max, times.values())) - first_ns) * 1e-9
+    first_ns = min(t for found in times.values() for t in found) + round(SETTLE_S * 1e9)
     return {
-        topic: sum(t >= first_ns for t in times[topic]) / (rate_hz * span_s)
+        topic: sum(t >= first_ns for t in times[topic]) / (rate_hz * (flight_s - SETTLE_S))
         for topic, rate_hz in rates_hz.items()
     }
 

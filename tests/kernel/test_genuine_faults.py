@@ -80,7 +80,7 @@ def test_chip_that_stretches_the_clock_misses_ticks_and_no_more() -> None:
         assert len(samples) > 30
         assert genuine.z_errors(samples, Z_RAD_S).max() < genuine.RATE_MARGIN_RAD_S
         missed = samples[-1].seq - samples[0].seq + 1 - len(samples)
-        assert 0 < missed <= flight.count("ticks_missed")
+        assert 0 < missed <= flight.count("ticks_missed") + flight.count("read_slow")
         assert flight.count("read_failed") == 0
 
 

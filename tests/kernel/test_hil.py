@@ -45,7 +45,7 @@ def judge(
         for kind in ("filtered", "crg")
     )
     topics = {"/camera/root/tracks": FPS, "/imu/0": rate_hz, "/imu/1": rate_hz}
-    kept, moved_m = hil.kept(joined, topics), hil.tip_motion_m(joined)
+    kept, moved_m = hil.kept(joined, topics, flight_s), hil.tip_motion_m(joined)
     report = (
         "filtered {:.3f} px, in lockstep {:.3f}; as flown {:.3f}, in lockstep {:.3f}; ".format(
             *filtered, *as_flown
