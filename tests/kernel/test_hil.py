@@ -13,9 +13,10 @@ from tests.kernel.quiet import CpuWatch
 
 RATIO, FPS = 1.5, 15
 # Of the samples and frames of the part that is evaluated.
-KEPT = 0.9
-# Gyros alone: a guest has one CPU for both processes.
-CHIP = 'chip={mode="gyronly",gyro_bandwidth_hz=47}'
+KEPT = 0.8
+# Gyros alone: a guest has one CPU for both processes. At 230 Hz their registers change at 2 kHz:
+# at 47 Hz every run has another age of its samples, unknown by 2.5 ms, and so another error.
+CHIP = 'chip={mode="gyronly",gyro_bandwidth_hz=230}'
 OVER_UART_AND_SIMBUS = (
     f'pods=[{{id=0,s_m=0.6,{CHIP},link={{kind="uart",port="x"}}}},'
     f'{{id=1,s_m=1.2,{CHIP},link={{kind="can",interface="virtual",channel="wing",node=1}}}}]'
