@@ -33,17 +33,24 @@ def parse_config(tables: dict[str, Any], *, origin: str) -> Config:
         raise ConfigError("\n".join(explain(origin, item) for item in error.errors()[:5])) from None
 
 
+# Tables of several kinds, told apart by their key ``kind``.
+TAGGED = ("link", "source")
+
+
 def explain(origin: str, item: Any) -> str:
     """Return one line on one of a validation error's items: file, key, what was wanted."""
     # A discriminated union puts its tag into the path; it is no key of the file.
-    path = ".".join(str(part) for part in item["loc"])
+    parts = [str(part) for part in item["loc"]]
+    path = ".".join(
+        p for p, before in zip(parts, ["", *parts], strict=False) if before not in TAGGED
+    )
     if item["type"] == "extra_forbidden":
         return f"{origin}: unknown key '{path}'; remove it or correct its spelling"
     if item["type"] == "missing":
         return f"{origin}: key '{path}' is missing"
     where = f"key '{path}'" if path else "the configuration"
     value = "" if item["type"] == "value_error" else f" (found {item['input']!r:.80})"
-    return f"{origin}: {where}: {item['msg']}{value}"
+    return f"{origin}: {where}: {item['msg'].removeprefix('Value error, ')}{value}"
 
 
 def load_config(path: Path, overrides: tuple[str, ...] = ()) -> Config:

@@ -122,7 +122,9 @@ class GStreamerCamera(Section):
     def _settings_have_a_place(self) -> "GStreamerCamera":
         named = [name for name in ("gain", "white_balance") if getattr(self, name) is not None]
         if self.pipeline is not None and named:
-            msg = f"{named[0]} is for the Jetson's own line; a pipeline says it itself"
+            msg = (
+                f"{named[0]} is for the Jetson's own line; leave it out and set it in the pipeline"
+            )
             raise ValueError(msg)
         return self
 

@@ -76,6 +76,17 @@ def test_unknown_configuration_key_names_file_and_key(avionics, tmp_path: Path) 
     wrong(avionics("doctor", config), 1, str(config), "wing.spann")
 
 
+def test_key_of_a_table_of_several_kinds_is_named_as_it_stands_in_the_file(
+    avionics, tmp_path: Path
+) -> None:
+    config = tmp_path / "wing.toml"
+    camera = "f_x_px = 500\nf_y_px = 500\nc_x_px = 320\nc_y_px = 240\n"
+    source = 'source = { kind = "gstreamer", pipeline = "videotestsrc", gain = 2 }\n'
+    config.write_text(f"[wing]\nspan_m = 1.5\n[camera]\n{camera}{source}", encoding="utf-8")
+    done = avionics("run", config)
+    wrong(done, 1, f"{config}: key 'camera.source': gain is for the Jetson's own line", "leave it")
+
+
 def test_missing_configuration_names_the_path(avionics, tmp_path: Path) -> None:
     wrong(avionics("run", tmp_path / "none.toml"), 1, "none.toml")
 
