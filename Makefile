@@ -66,7 +66,7 @@ vm-apt: $(VENV)/.installed ## install what the vm tier needs, and fetch its kern
 	command -v qemu-system-x86_64 >/dev/null && command -v busybox >/dev/null && command -v cpio >/dev/null && command -v v4l2-ctl >/dev/null && \
 	  command -v modprobe >/dev/null && command -v ip >/dev/null || \
 	  { $(SUDO) apt-get update -q && $(APT) qemu-system-x86 busybox-static cpio kmod iproute2 v4l-utils; }
-	$(BIN)/python -c 'import sys; from sim_bus.kernel import vm; sys.exit(vm.missing() is not None)' || $(BIN)/avionics rig fetch-kernel
+	$(BIN)/python -c 'import sys; from sim_bus.guests import vm; sys.exit(vm.missing() is not None)' || $(BIN)/avionics rig fetch-kernel
 
 vm: $(VENV)/.installed vm-apt ## a real V4L2 camera and real CAN controllers in a virtual machine
 	$(BIN)/python -m pytest -m vm --require=vm

@@ -13,12 +13,12 @@ import tomllib
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
-from avionics.config_file import default_config_text, parse_config
-from sim_bus.beam import Beam
-from sim_bus.build import make_wing
-from sim_bus.pazy import measured_sweep, pazy_beam, static_sweep
-from sim_bus.scenario import load_scenario
-from sim_bus.uniform_beam import uniform_beam
+from avionics.config.load import default_config_text, parse_config
+from sim_bus.wing.beam import Beam
+from sim_bus.wing.build import make_wing
+from sim_bus.wing.pazy import measured_sweep, pazy_beam, static_sweep
+from sim_bus.wing.scenario import load_scenario
+from sim_bus.wing.uniform_beam import uniform_beam
 
 SPAN_M, EI, MASS_PER_M = 1.5, 6.0, 0.4
 PAZY = Path(__file__).resolve().parents[2] / "shared" / "data" / "real" / "pazy-wing"

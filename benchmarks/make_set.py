@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from avionics.config import Camera, Config
-from avionics.config_file import parse_config
+from avionics.config.load import parse_config
 from sim_bus.dataset import Blemishes, write_data_set
-from sim_bus.scenario import Scenario, parse_scenario
+from sim_bus.wing.scenario import Scenario, parse_scenario
 
 LEDS = [(0.58, 0.07, -0.012), (1.18, 0.07, -0.012), (1.5, 0.12, -0.008)]
 EXTRA_MOCAP = [(0.06, 0.05, -0.006), (0.9, 0.05, -0.006)]

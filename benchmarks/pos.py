@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from avionics.analysis.pos_spec import load_spec
-from avionics.analysis.pos_study import run_study
 from avionics.pos.flexure import markov_flexure
 from avionics.pos.methods import Method, estimate
 from avionics.pos.online import GsBank, GyroBelief
 from avionics.pos.simulate import simulate
+from avionics.pos.study.runs import run_study
+from avionics.pos.study.spec import load_spec
 
 METHODS = {
     "IMU": Method("imu"),

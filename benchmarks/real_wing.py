@@ -17,12 +17,12 @@ import numpy as np
 from scipy.signal import butter, filtfilt, lfilter
 
 from avionics.analysis.history import between
-from avionics.analysis.mocap import MotiveTake, read_motive
 from avionics.config import Camera, Config, Estimator, Marker, Pod, Wing
-from avionics.config_links import ImuChip
-from avionics.pipeline import Pipeline
+from avionics.config.links import ImuChip
+from avionics.datasets.motive import MotiveTake, read_motive
+from avionics.flight.pipeline import Pipeline
 from avionics.records import MarkerTracks, WingShapeEstimate
-from avionics.wse.measurement import MarkerModel
+from avionics.wse.markers import MarkerModel
 from avionics.wse.modes import ModeBasis, basis_from_name
 from avionics.wse.pinhole import pinhole_from_config
 from drivers.samples import ImuSample

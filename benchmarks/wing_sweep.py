@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from avionics.analysis.evaluate import evaluate
-from avionics.analysis.import_set import import_set
 from avionics.analysis.replay import replay
-from avionics.config_file import apply_overrides, parse_config
-from avionics.pipeline import Pipeline
+from avionics.config.load import apply_overrides, parse_config
+from avionics.datasets.import_set import import_set
+from avionics.flight.pipeline import Pipeline
 from avionics.recording import LogReader
 from drivers.samples import ImuSample
 

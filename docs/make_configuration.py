@@ -10,7 +10,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from avionics.config import Config
-from avionics.config_file import default_config_text
+from avionics.config.load import default_config_text
 
 HEAD = """# Configuration
 
@@ -18,7 +18,7 @@ One TOML file decides what flies. Unknown keys are errors. `--set key=value` cha
 run, e.g. `--set estimator.form=paper`. The resolved whole is attached to every log. A top-level
 `calibration = { path = "camera.toml", sha256 = "..." }` names a file whose keys replace these.
 
-This page is made from the types in `avionics/config.py`: `python docs/make_configuration.py`.
+This page is made from the types in `avionics/config/model.py`: `python docs/make_configuration.py`.
 """
 
 

@@ -1,4 +1,4 @@
-"""Write gen/pod_dbc.[ch] from drivers/can_pod/pod.dbc with cantools.
+"""Write gen/pod_dbc.[ch] from drivers/can/pod/pod.dbc with cantools.
 
 The C codec is made for the messages of one pod; the node number is added to the identifier at run
 time. Line 4 of either file carries the generator's version and the date, so a comparison drops it.
@@ -12,7 +12,7 @@ from cantools import _main as cantools_main
 
 FOLDER = Path(__file__).resolve().parent
 sys.path.insert(0, str(FOLDER.parent))
-from drivers.can_pod.replicate import dbc_text, node_zero_text  # noqa: E402 - found by the line above
+from drivers.can.pod.replicate import dbc_text, node_zero_text  # noqa: E402 - found by the line above
 
 
 def generate(folder: Path) -> None:

@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 
 from avionics.config import Camera, Config, Pod
 from avionics.errors import DataSetError
-from sim_bus.bno055_sensing import ImuErrors, Latch, Sensing
-from sim_bus.build import make_wing
-from sim_bus.buses import generator
-from sim_bus.camera import SimCamera
-from sim_bus.chessboard import chessboards
+from sim_bus.buses.factory import generator
+from sim_bus.camera.chessboard import chessboards
+from sim_bus.camera.sim_camera import SimCamera
+from sim_bus.chip.bno055.sensing import ImuErrors, Latch, Sensing
 from sim_bus.clock import SimClock
 from sim_bus.dataset_yaml import LAB_FROM_BODY, LAB_ORIGIN_M, description
-from sim_bus.motion import PodMotion
 from sim_bus.rig import imu_grade, make_faults
-from sim_bus.scenario import Scenario
-from sim_bus.wing import SimWing
+from sim_bus.wing.build import make_wing
+from sim_bus.wing.motion import PodMotion
+from sim_bus.wing.scenario import Scenario
+from sim_bus.wing.sim_wing import SimWing
 
 FloatArray = NDArray[np.float64]
 EPOCH_NS = 1_700_000_000_000_000_000

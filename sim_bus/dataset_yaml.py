@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from avionics.config import Camera, Config
-from sim_bus.chessboard import INNER_CORNERS, SQUARE_M
-from sim_bus.scenario import Scenario
+from sim_bus.camera.chessboard import INNER_CORNERS, SQUARE_M
+from sim_bus.wing.scenario import Scenario
 
 LAB_FROM_BODY = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 LAB_ORIGIN_M = np.array([0.312, -1.204, 1.455])

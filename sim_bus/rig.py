@@ -5,14 +5,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from avionics.config import Config
-from avionics.config_links import I2cLink
+from avionics.config.links import I2cLink
+from avionics.flight.rig import Rig
 from avionics.records import Truth
-from avionics.rig import Rig
 from drivers.clock import Clock
-from sim_bus.bno055_chip import SimBno055
-from sim_bus.bno055_sensing import ImuGrade
-from sim_bus.build import make_wing
-from sim_bus.buses import (
+from sim_bus.buses.can_pod import SimPod
+from sim_bus.buses.factory import (
     Opener,
     Parts,
     can_sources,
@@ -21,14 +19,16 @@ from sim_bus.buses import (
     root_source,
     uart_sources,
 )
-from sim_bus.camera import SimCamera
-from sim_bus.can_pod import SimPod
+from sim_bus.buses.faults import Fault, FaultPlan, seconds_to_ns
+from sim_bus.camera.sim_camera import SimCamera
+from sim_bus.chip.bno055.chip import SimBno055
+from sim_bus.chip.bno055.sensing import ImuGrade
 from sim_bus.clock import SimClock
-from sim_bus.faults import Fault, FaultPlan, seconds_to_ns
-from sim_bus.motion import PodMotion, RootSensor
 from sim_bus.realtime import PacedClock
-from sim_bus.scenario import ImuQuality, Scenario
-from sim_bus.wing import SimWing
+from sim_bus.wing.build import make_wing
+from sim_bus.wing.motion import PodMotion, RootSensor
+from sim_bus.wing.scenario import ImuQuality, Scenario
+from sim_bus.wing.sim_wing import SimWing
 
 # Chips and pods boot, drivers open and pod clocks are learnt while the wing rests.
 EPOCH_NS = 5_000_000_000

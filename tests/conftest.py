@@ -1,4 +1,4 @@
-"""Fixtures that every test may use; the tiers are in ``sim_bus.kernel.pytest_plugin``."""
+"""Fixtures that every test may use; the tiers are in ``sim_bus.guests.pytest_plugin``."""
 
 import signal
 import subprocess

@@ -22,7 +22,7 @@ from avionics.errors import RecordingError
 from avionics.recording import LogReader
 from avionics.records import FloatArray
 from avionics.wse.geometry import WingGeometry
-from avionics.wse.measurement import MarkerModel
+from avionics.wse.markers import MarkerModel
 from avionics.wse.modes import ModeBasis, basis_from_name
 from avionics.wse.pinhole import pinhole_from_config
 

@@ -5,7 +5,7 @@ import numpy as np
 from avionics.config import Config, Marker
 from avionics.records import FloatArray
 from avionics.wse.jacobian import complex_step
-from avionics.wse.measurement import MarkerModel
+from avionics.wse.markers import MarkerModel
 from avionics.wse.modes import ModeBasis
 
 PASSES = 5

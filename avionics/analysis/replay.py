@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
 from avionics.config import Config
-from avionics.config_file import apply_overrides, parse_config
+from avionics.config.load import apply_overrides, parse_config
 from avionics.errors import RecordingError
-from avionics.pipeline import Pipeline
+from avionics.flight.pipeline import Pipeline
 from avionics.recording import EncodedFrame, LogReader, appearing_whole
 from avionics.recording.log_process import LogProcess
 from avionics.records import Event, Health, MarkerTracks, Truth

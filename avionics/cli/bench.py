@@ -80,13 +80,13 @@ def serve(
     Example: avionics rig serve default --can vcan0 --camera pipe --write-config fly.toml -o t.mcap
     """
     from avionics.cli.configuration import given_or_packaged  # noqa: PLC0415 (start-up)
-    from sim_bus.kernel.bench import BenchOptions  # noqa: PLC0415
-    from sim_bus.kernel.bench_build import open_bench  # noqa: PLC0415
-    from sim_bus.kernel.bench_client import default_socket  # noqa: PLC0415
-    from sim_bus.kernel.bench_control import BenchControl, ControlServer  # noqa: PLC0415
-    from sim_bus.kernel.bench_places import Offer  # noqa: PLC0415
-    from sim_bus.kernel.truth_log import TruthLog  # noqa: PLC0415
-    from sim_bus.scenario import load_scenario  # noqa: PLC0415
+    from sim_bus.bench.bench import BenchOptions  # noqa: PLC0415
+    from sim_bus.bench.build import open_bench  # noqa: PLC0415
+    from sim_bus.bench.client import default_socket  # noqa: PLC0415
+    from sim_bus.bench.control import BenchControl, ControlServer  # noqa: PLC0415
+    from sim_bus.bench.places import Offer  # noqa: PLC0415
+    from sim_bus.bench.truth_log import TruthLog  # noqa: PLC0415
+    from sim_bus.wing.scenario import load_scenario  # noqa: PLC0415
 
     config = given_or_packaged(config_path, tuple(overrides or ()))
     flown = load_scenario(scenario)
@@ -226,7 +226,7 @@ def stop(
 
     Example: avionics rig stop
     """
-    from sim_bus.kernel.bench_client import default_socket  # noqa: PLC0415
+    from sim_bus.bench.client import default_socket  # noqa: PLC0415
 
     ask_bench(control, {"do": "stop"})
     path, give_up = control or default_socket(), time.monotonic() + wait_s

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from avionics.config import Config
-from avionics.config_file import default_config_text, load_config, parse_config_text
+from avionics.config.load import default_config_text, load_config, parse_config_text
 
 
 def given_or_packaged(path: Path | None, overrides: tuple[str, ...]) -> Config:

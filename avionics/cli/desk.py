@@ -37,7 +37,7 @@ def import_(
     """
     from rich.console import Console  # noqa: PLC0415
 
-    from avionics.analysis.import_set import import_set  # noqa: PLC0415
+    from avionics.datasets.import_set import import_set  # noqa: PLC0415
 
     claim(output, force=force)
     with progress_bar("importing", None) as progress:
@@ -73,7 +73,7 @@ def replay(
     Example: avionics replay sweep.mcap --set estimator.form=paper -o paper.mcap
     """
     from avionics.analysis.replay import replay as replay_log  # noqa: PLC0415
-    from avionics.config_file import load_config  # noqa: PLC0415
+    from avionics.config.load import load_config  # noqa: PLC0415
 
     read_log_path(log)
     claim(output, force=force)
@@ -140,7 +140,7 @@ def report(log: LogArgument, output: OutputFile, *, force: Force = False) -> Non
 
     Example: avionics report replayed.mcap -o report.html
     """
-    from avionics.analysis.report import write_report  # noqa: PLC0415
+    from avionics.report.build import write_report  # noqa: PLC0415
 
     read_log_path(log)
     claim(output, force=force)

@@ -19,7 +19,7 @@ Control = Annotated[
 
 def ask_bench(control: Path | None, request: dict[str, Any]) -> dict[str, Any]:
     """Return the answer of the bench behind a control socket, or behind the usual one."""
-    from sim_bus.kernel.bench_client import ask, default_socket  # noqa: PLC0415
+    from sim_bus.bench.client import ask, default_socket  # noqa: PLC0415
 
     return ask(control or default_socket(), request)
 

@@ -41,10 +41,10 @@ def run(
 
     Example: avionics run wing.toml --duration 60 -o flight.mcap
     """
-    from avionics.config_file import load_config  # noqa: PLC0415 (start-up)
-    from avionics.hardware import open_rig  # noqa: PLC0415 (bus libraries only where needed)
+    from avionics.config.load import load_config  # noqa: PLC0415 (start-up)
+    from avionics.flight.assemble import open_rig  # noqa: PLC0415 (bus libraries only where needed)
+    from avionics.flight.runner import run_live  # noqa: PLC0415 (start-up)
     from avionics.recording import Recorder  # noqa: PLC0415 (start-up)
-    from avionics.runner import run_live  # noqa: PLC0415 (start-up)
 
     config = load_config(config_path, tuple(overrides or ()))
     stamp = datetime.now(tz=timezone.utc).strftime("%Y%m%d-%H%M%SZ")
@@ -95,10 +95,10 @@ def sim(
     """
     from avionics.analysis.evaluate import SETTLE_S  # noqa: PLC0415 (start-up)
     from avionics.cli.configuration import given_or_packaged  # noqa: PLC0415 (start-up)
+    from avionics.flight.runner import run_live, run_lockstep  # noqa: PLC0415 (start-up)
     from avionics.recording import LogWriter, Recorder  # noqa: PLC0415 (start-up)
-    from avionics.runner import run_live, run_lockstep  # noqa: PLC0415 (start-up)
     from sim_bus.rig import open_sim_rig  # noqa: PLC0415 (the simulator flies nowhere else)
-    from sim_bus.scenario import load_scenario  # noqa: PLC0415
+    from sim_bus.wing.scenario import load_scenario  # noqa: PLC0415
 
     config = given_or_packaged(config_path, tuple(overrides or ()))
     flown = load_scenario(scenario)
@@ -144,8 +144,8 @@ def doctor(config_path: ConfigArgument) -> None:
     from rich.markup import escape  # noqa: PLC0415 (start-up)
     from rich.table import Table  # noqa: PLC0415 (start-up)
 
-    from avionics.config_file import load_config  # noqa: PLC0415 (start-up)
-    from avionics.hardware import probe  # noqa: PLC0415 (start-up)
+    from avionics.config.load import load_config  # noqa: PLC0415 (start-up)
+    from avionics.flight.assemble import probe  # noqa: PLC0415 (start-up)
 
     findings = probe(load_config(config_path))
     table = Table(box=None, pad_edge=False)

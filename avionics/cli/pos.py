@@ -11,7 +11,7 @@ from avionics.errors import AvionicsError, OutputExistsError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from avionics.analysis.pos_study import Study
+    from avionics.pos.study.runs import Study
 
 app = typer.Typer(
     help="Distributed POS: transfer-alignment studies (Gong et al., Guo and Zhu).\n\n"
@@ -51,10 +51,10 @@ def run(
 
     Example: avionics pos run gong-table2 --profile consistent --seeds 1:10 -o gong
     """
-    from avionics.analysis.pos_report import write_report  # noqa: PLC0415 (desk)
-    from avionics.analysis.pos_results import write_parquet  # noqa: PLC0415 (desk)
-    from avionics.analysis.pos_spec import load_spec  # noqa: PLC0415 (pos is slow to load)
-    from avionics.analysis.pos_study import run_study  # noqa: PLC0415 (pos is slow to load)
+    from avionics.pos.study.report import write_report  # noqa: PLC0415 (desk)
+    from avionics.pos.study.results import write_parquet  # noqa: PLC0415 (desk)
+    from avionics.pos.study.runs import run_study  # noqa: PLC0415 (pos is slow to load)
+    from avionics.pos.study.spec import load_spec  # noqa: PLC0415 (pos is slow to load)
 
     spec = load_spec(study)
     profiles = _choice(profile, tuple(spec.profiles), "profile")
@@ -88,10 +88,10 @@ def drive(
 
     Example: avionics pos drive DRIVE.csv -o drive
     """
-    from avionics.analysis.pos_drive import LIMITS, drive_spec, read_drive  # noqa: PLC0415 (slow)
-    from avionics.analysis.pos_report import write_report  # noqa: PLC0415 (desk)
-    from avionics.analysis.pos_results import write_parquet  # noqa: PLC0415 (desk)
-    from avionics.analysis.pos_study import run_study  # noqa: PLC0415 (pos is slow to load)
+    from avionics.pos.study.drive import LIMITS, drive_spec, read_drive  # noqa: PLC0415 (slow)
+    from avionics.pos.study.report import write_report  # noqa: PLC0415 (desk)
+    from avionics.pos.study.results import write_parquet  # noqa: PLC0415 (desk)
+    from avionics.pos.study.runs import run_study  # noqa: PLC0415 (pos is slow to load)
 
     runs = _seeds(seeds, (1, 10))
     carrier = read_drive(recording)
@@ -129,8 +129,8 @@ def design(
     """
     from rich.table import Table  # noqa: PLC0415 (start-up)
 
-    from avionics.analysis.pos_design import analyse, load_design  # noqa: PLC0415 (pos is slow)
-    from avionics.analysis.pos_design_page import (  # noqa: PLC0415 (desk)
+    from avionics.pos.study.design import analyse, load_design  # noqa: PLC0415 (pos is slow)
+    from avionics.pos.study.design_page import (  # noqa: PLC0415 (desk)
         AS_ON_Z,
         answers,
         required,
@@ -175,8 +175,8 @@ def _console() -> "Console":
 def _print_study(study: "Study") -> None:
     from rich.table import Table  # noqa: PLC0415 (start-up)
 
-    from avionics.analysis.pos_results import table_rows  # noqa: PLC0415 (desk)
-    from avionics.analysis.pos_warnings import warnings  # noqa: PLC0415 (desk)
+    from avionics.pos.study.results import table_rows  # noqa: PLC0415 (desk)
+    from avionics.pos.study.warnings import warnings  # noqa: PLC0415 (desk)
 
     console, runs = _console(), len(study.seeds)
     head = ("scenario", "method", "segment", "of", "figure")

@@ -51,8 +51,8 @@ def run(
 
     Example: avionics rig run -- pytest tests/can
     """
-    from sim_bus.kernel.guest import STATUS_DIED  # noqa: PLC0415
-    from sim_bus.kernel.guests import RUNNERS  # noqa: PLC0415
+    from sim_bus.guests.guest import STATUS_DIED  # noqa: PLC0415
+    from sim_bus.guests.kinds import RUNNERS  # noqa: PLC0415
 
     if not context.args:
         msg = "give a command after --, for example: avionics rig run -- ip link"
@@ -81,7 +81,7 @@ def fetch() -> None:
 
     Example: avionics rig fetch-kernel
     """
-    from sim_bus.kernel.vm_kernel import KernelError, fetch_kernel  # noqa: PLC0415
+    from sim_bus.guests.vm_kernel import KernelError, fetch_kernel  # noqa: PLC0415
 
     try:
         kernel = fetch_kernel()
@@ -100,7 +100,7 @@ def doctor() -> None:
     from rich.markup import escape  # noqa: PLC0415 (start-up)
     from rich.table import Table  # noqa: PLC0415 (start-up)
 
-    from sim_bus.kernel.tiers import TIERS, extras  # noqa: PLC0415
+    from sim_bus.guests.tiers import TIERS, extras  # noqa: PLC0415
 
     table = Table(box=None, pad_edge=False)
     for heading in ("tier", "", "what", "remedy"):

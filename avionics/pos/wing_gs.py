@@ -15,10 +15,10 @@ from avionics.pos.attitude import right_jacobian, rotation_from_vector
 from avionics.pos.flexure import markov_flexure
 from avionics.pos.online import GsBank, GyroBelief
 from avionics.records import FloatArray
+from avionics.wse.forecast import Belief
 from avionics.wse.geometry import WingGeometry
-from avionics.wse.inputs import GyroInputs
+from avionics.wse.gyro_inputs import GyroInputs
 from avionics.wse.kinematics import euler_rate_matrix
-from avionics.wse.outlook import Belief
 from avionics.wse.settings import FilterSettings
 
 # A root IMU that is away for longer is worth an event: as long as for any IMU.

@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from avionics.config import Config
-from avionics.config_file import parse_config
+from avionics.config.load import parse_config
 from avionics.errors import AvionicsError, RecordingError
-from avionics.outbox import Item, RowWriter, Slot
-from avionics.recording.decode import DECODER_OF
-from avionics.recording.encode import encode, sequence_of
-from avionics.recording.schemas import MESSAGE_OF, schema_name
+from avionics.flight.estimate_rows import RowBatch, RowMaker
+from avionics.flight.outputs import Item, RowWriter, Slot
+from avionics.recording.schema.decode import DECODER_OF
+from avionics.recording.schema.encode import encode, sequence_of
+from avionics.recording.schema.messages import MESSAGE_OF, schema_name
 from avionics.recording.writer import LogWriter
-from avionics.rows import RowBatch, RowMaker
 from drivers.samples import Frame
 
 WAITING_BYTES = 64 << 20

@@ -13,14 +13,13 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
 from avionics.config import Config
-from avionics.config_file import parse_config
+from avionics.config.load import parse_config
 from avionics.errors import RecordingError
-from avionics.recording import parse
 from avionics.recording.attached import CONFIG_JSON, METADATA_NAME
-from avionics.recording.decode import DECODER_OF
 from avionics.recording.images import EncodedFrame
-from avionics.recording.parse import channel_of
-from avionics.recording.scan import (
+from avionics.recording.mcap import parse
+from avionics.recording.mcap.parse import channel_of
+from avionics.recording.mcap.scan import (
     Damage,
     RawMessage,
     is_closed,
@@ -29,7 +28,8 @@ from avionics.recording.scan import (
     records,
     summary,
 )
-from avionics.recording.schemas import Loggable
+from avionics.recording.schema.decode import DECODER_OF
+from avionics.recording.schema.messages import Loggable
 
 MESSAGE = int(Opcode.MESSAGE)
 

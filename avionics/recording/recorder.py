@@ -13,7 +13,7 @@ from typing import NamedTuple
 from avionics.config import Config
 from avionics.errors import RecordingError, StorageError
 from avionics.recording.images import EncodedFrame
-from avionics.recording.schemas import Loggable
+from avionics.recording.schema.messages import Loggable
 from avionics.recording.writer import LogWriter
 from avionics.records import Event, Health
 from avionics.topics import EVENT, HEALTH

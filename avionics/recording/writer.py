@@ -19,12 +19,12 @@ from avionics.recording.attached import (
     media_type,
     software_version,
 )
-from avionics.recording.container import Container
-from avionics.recording.encode import encode, sequence_of
+from avionics.recording.foxglove.views import FoxgloveViews
 from avionics.recording.images import encode_frame
-from avionics.recording.logfile import LogFile
-from avionics.recording.schemas import MESSAGE_OF, Loggable, schema_bytes, schema_name
-from avionics.recording.views import FoxgloveViews
+from avionics.recording.mcap.container import Container
+from avionics.recording.mcap.logfile import LogFile
+from avionics.recording.schema.encode import encode, sequence_of
+from avionics.recording.schema.messages import MESSAGE_OF, Loggable, schema_bytes, schema_name
 from drivers.samples import Frame
 
 

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from avionics.wse.adaptive_noise import Sighting, Trust, UpdateRules, Verdict
+from avionics.wse.forecast import Belief, Extrapolation, Outlook
+from avionics.wse.gyro_inputs import GyroInputs
 from avionics.wse.gyro_step import GyroStep
 from avionics.wse.history import History, Node
-from avionics.wse.inputs import GyroInputs
-from avionics.wse.measurement import MarkerModel
+from avionics.wse.markers import MarkerModel
 from avionics.wse.motion import Motion
-from avionics.wse.outlook import Belief, Extrapolation, Outlook
+from avionics.wse.rg import StandaloneEstimate
 from avionics.wse.settings import FilterSettings
-from avionics.wse.standalone import StandaloneEstimate
-from avionics.wse.trust import Sighting, Trust, UpdateRules, Verdict
 from avionics.wse.update import MarkerUpdate
 
 Array = NDArray[Any]

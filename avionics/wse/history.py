@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from avionics.wse.adaptive_noise import NO_VERDICT, Sighting, Trust, Verdict
 from avionics.wse.gyro_step import GyroStep, Regime
 from avionics.wse.process import DIFFERENCE_S, Process
-from avionics.wse.trust import NO_VERDICT, Sighting, Trust, Verdict
 from avionics.wse.update import MarkerUpdate
 
 Array = NDArray[Any]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.wse.measurement import MarkerModel
+from avionics.wse.markers import MarkerModel
 
 Array = NDArray[Any]
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics.config import Config, stations
+from avionics.wse.adaptive_noise import Trust, UpdateRules
 from avionics.wse.modes import ModeBasis, choose_basis, paper_basis
 from avionics.wse.process import Process, ProcessNoise
 from avionics.wse.rates import ModalRates
-from avionics.wse.trust import Trust, UpdateRules
 
 Array = NDArray[Any]
 

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from avionics.wse.adaptive_noise import Sighting, Trust, UpdateRules, Verdict
 from avionics.wse.ekf import ErrorStateEkf
-from avionics.wse.measurement import MarkerModel, View
+from avionics.wse.markers import MarkerModel, View
 from avionics.wse.motion import Motion
-from avionics.wse.trust import Sighting, Trust, UpdateRules, Verdict
 
 Array = NDArray[Any]
 

@@ -12,7 +12,7 @@
 #include "pod_clock.h"
 #include "pod_hal.h"
 
-#define POD_LAYOUT_VERSION 1U /* of drivers/can_pod/pod.dbc */
+#define POD_LAYOUT_VERSION 1U /* of drivers/can/pod/pod.dbc */
 #define POD_VERSION_MAJOR 1U
 #define POD_VERSION_MINOR 0U
 #define POD_VERSION_PATCH 0U

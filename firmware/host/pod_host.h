@@ -1,6 +1,6 @@
 /* The core as a shared library: one pod behind plain calls, for simulated buses.
  * Sensor, clock and outgoing frames are call backs; incoming frames are pushed. Bound by
- * sim_bus/pod_core.py and used by the unit tests and the fuzzers.
+ * sim_bus/buses/pod_core.py and used by the unit tests and the fuzzers.
  */
 #ifndef POD_HOST_H
 #define POD_HOST_H

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from avionics.config_file import apply_overrides, parse_config
-from avionics.pipeline import Pipeline
+from avionics.config.load import apply_overrides, parse_config
+from avionics.flight.pipeline import Pipeline
 from avionics.records import MarkerTracks, WingShapeEstimate
 from drivers.samples import ImuSample
 

@@ -14,8 +14,9 @@ import numpy as np
 
 from drivers.bno055.bring_up import Settings
 from drivers.bno055.registers import Mode
-from sim_bus.kernel.uml import missing, run_in_guest
-from tests.drivers import camera_faults, kernel_faults
+from sim_bus.guests.uml import missing, run_in_guest
+from tests.drivers import kernel_faults
+from tests.drivers.cameras import camera_faults
 from tests.drivers.wing_bench import LAG_NS, SECOND, Bench, Swing, make_bench
 
 LEAD_S, TAIL_S = 1.5, 3.5

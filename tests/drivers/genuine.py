@@ -9,8 +9,8 @@ import numpy as np
 from drivers.clock import SteadyClock
 from drivers.polled_imus import PolledImus
 from drivers.samples import ImuSample
-from sim_bus.bno055_chip import SimBno055
-from sim_bus.faults import Fault, FaultPlan
+from sim_bus.buses.faults import Fault, FaultPlan
+from sim_bus.chip.bno055.chip import SimBno055
 from tests.drivers.fault_matrix import Case
 from tests.drivers.wing_bench import GOOD, SECOND, Swing
 

@@ -13,14 +13,14 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from drivers.can_imus import CanImus
-from drivers.can_pod.codec import filters
-from drivers.can_port import CanFrame
+from drivers.can.imus import CanImus
+from drivers.can.pod.codec import filters
+from drivers.can.port import CanFrame
+from drivers.can.socketcan import SocketCanPort
 from drivers.clock import SteadyClock
-from drivers.socketcan import SocketCanPort
-from sim_bus.bno055_chip import SimBno055
-from sim_bus.can_pod import SimPod
-from sim_bus.kernel.served_can import ServedCan
+from sim_bus.bench.served_can import ServedCan
+from sim_bus.buses.can_pod import SimPod
+from sim_bus.chip.bno055.chip import SimBno055
 from tests.drivers.wing_bench import GOOD, Swing
 
 CHANNEL = "vcan4"

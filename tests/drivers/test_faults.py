@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.drivers import camera_faults
+from tests.drivers.cameras import camera_faults
 from tests.drivers.fault_matrix import CASES, HEAD, PAGE, Case, Row, rows, run
 
 

@@ -12,8 +12,8 @@ import pytest
 import serial
 
 from avionics.config import Pod
-from avionics.config_links import UartLink
-from avionics.connections import imu_openers
+from avionics.config.links import UartLink
+from avionics.flight.doctor import imu_openers
 from drivers.bno055.bring_up import Settings
 from drivers.bno055.device import Bno055
 from drivers.bno055.ports import UartRegisterPort
@@ -22,9 +22,9 @@ from drivers.clock import SteadyClock
 from drivers.errors import BusTimeoutError, DeviceNotFoundError
 from drivers.polled_imus import PolledImus
 from drivers.reopening import ReopeningSerial
-from sim_bus.faults import FaultPlan
-from sim_bus.kernel.pty_uart import PtyUart
-from sim_bus.uart import SimSerialPort
+from sim_bus.bench.pty_uart import PtyUart
+from sim_bus.buses.faults import FaultPlan
+from sim_bus.buses.uart import SimSerialPort
 from tests.drivers import genuine
 from tests.drivers.fault_matrix import CASES, Case
 

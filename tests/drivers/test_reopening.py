@@ -12,7 +12,7 @@ import serial
 from drivers.bno055.bring_up import Settings
 from drivers.bno055.device import Bno055
 from drivers.bno055.ports import I2cRegisterPort
-from drivers.imus import PolledImus
+from drivers.polled_imus import PolledImus
 from drivers.reopening import ReopeningI2cBus, ReopeningSerial
 from tests.drivers.wing_bench import make_bench
 

@@ -10,17 +10,17 @@ from drivers.bno055.calibration import CalibrationStore
 from drivers.bno055.device import Bno055
 from drivers.bno055.ports import I2cRegisterPort, Tca9548a, UartRegisterPort
 from drivers.bno055.registers import Mode
-from drivers.can_imus import CanImus
-from drivers.can_pod.messages import ConfigKey
-from drivers.imus import PolledImus
+from drivers.can.imus import CanImus
+from drivers.can.pod.messages import ConfigKey
+from drivers.polled_imus import PolledImus
 from drivers.samples import ImuSample
-from sim_bus.bno055_chip import SimBno055
-from sim_bus.bno055_sensing import PERFECT, ImuGrade
-from sim_bus.can_pod import SimCanBus, SimPod
+from sim_bus.buses.can_pod import SimCanBus, SimPod
+from sim_bus.buses.faults import Fault, FaultPlan
+from sim_bus.buses.i2c import SimI2cBus, Wired
+from sim_bus.buses.uart import SimSerialPort
+from sim_bus.chip.bno055.chip import SimBno055
+from sim_bus.chip.bno055.sensing import PERFECT, ImuGrade
 from sim_bus.clock import SimClock
-from sim_bus.faults import Fault, FaultPlan
-from sim_bus.i2c import SimI2cBus, Wired
-from sim_bus.uart import SimSerialPort
 
 SECOND = 1_000_000_000
 START = 5 * SECOND

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drivers.can_pod.codec import decode, encode
-from drivers.can_pod.messages import COUNTER_NAMES, Axes, Counters, FollowUp, Kind, Sample, Sync
+from drivers.can.pod.codec import decode, encode
+from drivers.can.pod.messages import COUNTER_NAMES, Axes, Counters, FollowUp, Kind, Sample, Sync
 from drivers.errors import BusTimeoutError
-from sim_bus.bno055_chip import SimBno055
-from sim_bus.pod_core import PodCore
+from sim_bus.chip.bno055.chip import SimBno055
+from sim_bus.buses.pod_core import PodCore
 
 
 class Wobble:

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from drivers.clock import SteadyClock
-from sim_bus.bno055_chip import SimBno055
-from sim_bus.uart import SimSerialPort
+from sim_bus.chip.bno055.chip import SimBno055
+from sim_bus.buses.uart import SimSerialPort
 
 
 class ChipOnPty:

@@ -18,7 +18,7 @@ from unicorn.arm_const import (
     UC_CPU_ARM_CORTEX_M4,
 )
 
-from sim_bus.bno055_chip import SimBno055
+from sim_bus.chip.bno055.chip import SimBno055
 
 FLASH, RAM, UID, STOP_AT = 0x0800_0000, 0x2000_0000, 0x1FFF_7000, 0x0800_F000
 LOOK_NS = 8_000  # what one look at the counter and the code around it take

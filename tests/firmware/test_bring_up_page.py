@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from bench import Wobble
 
-from sim_bus.bno055_chip import SimBno055
-from sim_bus.can_pod import SimPod
-from sim_bus.pod_core import NODE_NONE
+from sim_bus.chip.bno055.chip import SimBno055
+from sim_bus.buses.can_pod import SimPod
+from sim_bus.buses.pod_core import NODE_NONE
 from sim_bus.realtime import PacedClock
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "bring-up.md"

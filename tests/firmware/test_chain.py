@@ -20,16 +20,16 @@ import pytest
 from flight_account import account_of, assert_account_closes
 
 from avionics.config import Config
-from avionics.config_file import load_config
+from avionics.config.load import load_config
 from avionics.recording.reader import LogReader
 from avionics.recording.writer import LogWriter
 from avionics.topics import topic_of
 from drivers.clock import SteadyClock
-from sim_bus.build import make_wing
-from sim_bus.kernel import uml
-from sim_bus.motion import PodMotion
-from sim_bus.scenario import load_scenario
-from sim_bus.wing import SimWing
+from sim_bus.wing.build import make_wing
+from sim_bus.guests import uml
+from sim_bus.wing.motion import PodMotion
+from sim_bus.wing.scenario import load_scenario
+from sim_bus.wing.sim_wing import SimWing
 
 pytestmark = pytest.mark.qemu_arm
 

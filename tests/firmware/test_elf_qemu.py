@@ -14,8 +14,8 @@ import pytest
 from bench import Wobble
 from flight_account import account_of, assert_account_closes, places_of
 
-from drivers.can_pod.codec import decode, encode
-from drivers.can_pod.messages import Axes, ConfigKey, ConfigRequest, Kind, Sample, Status
+from drivers.can.pod.codec import decode, encode
+from drivers.can.pod.messages import Axes, ConfigKey, ConfigRequest, Kind, Sample, Status
 
 pytestmark = pytest.mark.qemu_arm
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from bench import Bench, Wobble, kind_of
 
-from drivers.can_pod.codec import decode, encode
-from drivers.can_pod.messages import (
+from drivers.can.pod.codec import decode, encode
+from drivers.can.pod.messages import (
     COUNTER_NAMES,
     ConfigKey,
     ConfigRequest,
@@ -19,7 +19,7 @@ from drivers.can_pod.messages import (
     Kind,
     Sync,
 )
-from sim_bus.bno055_map import Mode
+from sim_bus.chip.bno055.registers import Mode
 
 pytestmark = pytest.mark.unicorn
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.can_pod.codec import encode
-from drivers.can_pod.messages import LAYOUT_VERSION, Axes, Kind, Sample, SyncReply
-from sim_bus.pod_library import load_library
+from drivers.can.pod.codec import encode
+from drivers.can.pod.messages import LAYOUT_VERSION, Axes, Kind, Sample, SyncReply
+from sim_bus.buses.pod_library import load_library
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware"
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bench import Bench
 
-from drivers.can_pod.messages import (
+from drivers.can.pod.messages import (
     Axes,
     ConfigKey,
     ConfigRequest,

@@ -3,8 +3,8 @@
 import pytest
 from bench import Bench
 
-from drivers.can_pod.messages import ConfigKey, ConfigRequest, Identity, Kind
-from sim_bus.pod_core import NODE_NONE
+from drivers.can.pod.messages import ConfigKey, ConfigRequest, Identity, Kind
+from sim_bus.buses.pod_core import NODE_NONE
 
 NONE, DUPLICATE, NO_NODE = 0, 1, 3
 LOW, MIDDLE, HIGH = bytes([1] * 12), bytes([5] * 12), bytes([9] * 12)

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from sim_bus.kernel import tiers
-from sim_bus.kernel.bench_client import RefusedError, ask
-from sim_bus.kernel.bench_control import ControlServer
-from sim_bus.kernel.frame_server import FrameServer
-from sim_bus.kernel.guest import GuestResult
-from sim_bus.kernel.guests import RUNNERS
+from sim_bus.bench.client import RefusedError, ask
+from sim_bus.bench.control import ControlServer
+from sim_bus.bench.frame_server import FrameServer
+from sim_bus.guests import tiers
+from sim_bus.guests.guest import GuestResult
+from sim_bus.guests.kinds import RUNNERS
 
 
 @pytest.fixture

@@ -40,5 +40,5 @@ def test_reading_a_log_loads_neither_scipy_nor_opencv() -> None:
 
 def test_replaying_loads_neither_trackers_nor_hardware() -> None:
     modules = loaded("import avionics.analysis.replay")
-    assert "avionics.pipeline" in modules
+    assert "avionics.flight.pipeline" in modules
     assert not modules & ({"cv2", "numba", "avionics.tracking"} | DRAWING | HARDWARE)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from drivers.clock import SteadyClock
-from sim_bus.bno055_chip import SimBno055
-from sim_bus.bno055_sensing import ImuGrade
+from sim_bus.chip.bno055.chip import SimBno055
+from sim_bus.chip.bno055.sensing import ImuGrade
 
 # Noise and no other errors: without it every reading repeats the last and looks frozen.
 NOISY = ImuGrade(

@@ -10,20 +10,20 @@ from pathlib import Path
 
 import pytest
 
-from avionics.config_file import default_config_text, parse_config_text
-from avionics.config_links import CanLink, I2cLink, UartLink
-from avionics.connections import imu_openers
+from avionics.config.links import CanLink, I2cLink, UartLink
+from avionics.config.load import default_config_text, parse_config_text
 from avionics.errors import ConfigError
+from avionics.flight.doctor import imu_openers
 from drivers.clock import SteadyClock
 from drivers.errors import DeviceNotFoundError
-from sim_bus.can_pod import SimPod
-from sim_bus.kernel.bench import Bench, BenchOptions
-from sim_bus.kernel.bench_build import open_bench
-from sim_bus.kernel.bench_client import RefusedError, ask
-from sim_bus.kernel.bench_control import BenchControl, ControlServer
-from sim_bus.kernel.bench_places import Offer, place_pods
-from sim_bus.kernel.served_can import ServedCan
-from sim_bus.scenario import load_scenario
+from sim_bus.bench.bench import Bench, BenchOptions
+from sim_bus.bench.build import open_bench
+from sim_bus.bench.client import RefusedError, ask
+from sim_bus.bench.control import BenchControl, ControlServer
+from sim_bus.bench.places import Offer, place_pods
+from sim_bus.bench.served_can import ServedCan
+from sim_bus.buses.can_pod import SimPod
+from sim_bus.wing.scenario import load_scenario
 
 
 @pytest.fixture(scope="module")

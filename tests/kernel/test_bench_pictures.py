@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drivers.cameras.socket import SocketCamera
 from drivers.clock import SteadyClock
 from drivers.errors import DeviceNotFoundError
 from drivers.samples import Frame
-from drivers.socket_camera import SocketCamera
-from sim_bus.kernel.bench_window import Window
-from sim_bus.kernel.frame_server import FrameServer
-from sim_bus.kernel.v4l2_output import V4l2Output
+from sim_bus.bench.frame_server import FrameServer
+from sim_bus.bench.v4l2_output import V4l2Output
+from sim_bus.bench.window import Window
 
 
 def frame(value: int, width: int = 30) -> Frame:

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from sim_bus.kernel import uml
-from sim_bus.kernel.uml import APT_LINE, missing
+from sim_bus.guests import uml
+from sim_bus.guests.uml import APT_LINE, missing
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "ci.md"
 

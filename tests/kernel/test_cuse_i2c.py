@@ -10,7 +10,7 @@ import pytest
 from smbus2 import SMBus, i2c_msg
 
 from drivers.reopening import ReopeningI2cBus
-from sim_bus.kernel.cuse_i2c import CuseI2cBus, I2cMessage
+from sim_bus.bench.cuse_i2c import CuseI2cBus, I2cMessage
 
 pytestmark = pytest.mark.uml
 

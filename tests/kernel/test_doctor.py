@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from sim_bus.kernel.tiers import TIERS, Piece, Tier
+from sim_bus.guests.tiers import TIERS, Piece, Tier
 
 TOOLS = (
     "linux.uml", "candump", "cansend", "canplayer", "gst-launch-1.0", "gst-inspect-1.0",

@@ -12,14 +12,14 @@ import cantools.database
 import numpy as np
 import pytest
 
-from drivers.can_imus import CanImus
-from drivers.can_pod.codec import encode, filters
-from drivers.can_pod.messages import ConfigKey, ConfigRequest
-from drivers.can_pod.replicate import dbc_text
+from drivers.can.imus import CanImus
+from drivers.can.pod.codec import encode, filters
+from drivers.can.pod.messages import ConfigKey, ConfigRequest
+from drivers.can.pod.replicate import dbc_text
+from drivers.can.socketcan import SocketCanPort
 from drivers.clock import SteadyClock
-from drivers.socketcan import SocketCanPort
-from sim_bus.can_pod import SimPod
-from sim_bus.kernel.served_can import ServedCan
+from sim_bus.bench.served_can import ServedCan
+from sim_bus.buses.can_pod import SimPod
 
 pytestmark = pytest.mark.uml
 

@@ -8,11 +8,11 @@ import pytest
 from smbus2 import SMBus
 
 from avionics.config import Pod
-from avionics.config_links import I2cLink
-from avionics.connections import imu_openers
+from avionics.config.links import I2cLink
+from avionics.flight.doctor import imu_openers
 from drivers.clock import SteadyClock
 from drivers.errors import DeviceNotFoundError, DriverError
-from sim_bus.kernel.cuse_i2c import CuseI2cBus, I2cMessage
+from sim_bus.bench.cuse_i2c import CuseI2cBus, I2cMessage
 
 pytestmark = pytest.mark.uml
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from drivers.clock import SteadyClock
-from sim_bus.faults import FaultPlan
-from sim_bus.i2c import SimI2cBus, Wired
-from sim_bus.kernel.cuse_i2c import CuseI2cBus
-from sim_bus.kernel.i2c_adapter import transfer_on
-from sim_bus.kernel.pty_uart import PtyUart
-from sim_bus.uart import SimSerialPort
+from sim_bus.bench.cuse_i2c import CuseI2cBus
+from sim_bus.bench.i2c_adapter import transfer_on
+from sim_bus.bench.pty_uart import PtyUart
+from sim_bus.buses.faults import FaultPlan
+from sim_bus.buses.i2c import SimI2cBus, Wired
+from sim_bus.buses.uart import SimSerialPort
 
 FOLDER = Path(__file__).with_name("foreign")
 # Sixteen counts a degree a second, and a chip that knows its own zero only so well.

@@ -15,10 +15,10 @@ from drivers.bno055.registers import Mode
 from drivers.clock import SteadyClock
 from drivers.polled_imus import PolledImus
 from drivers.reopening import ReopeningI2cBus
-from sim_bus.faults import FaultPlan
-from sim_bus.i2c import Place, SimI2cBus, Wired
-from sim_bus.kernel.cuse_i2c import CuseI2cBus
-from sim_bus.kernel.i2c_adapter import transfer_on
+from sim_bus.bench.cuse_i2c import CuseI2cBus
+from sim_bus.bench.i2c_adapter import transfer_on
+from sim_bus.buses.faults import FaultPlan
+from sim_bus.buses.i2c import Place, SimI2cBus, Wired
 from tests.drivers import genuine
 from tests.drivers.fault_matrix import CASES, Case
 

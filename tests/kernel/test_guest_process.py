@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from sim_bus.kernel.guest import STATUS_DIED, prepare, run_to_the_end
+from sim_bus.guests.guest import STATUS_DIED, prepare, run_to_the_end
 
 RUN = """
 import signal
 import sys
 from pathlib import Path
-from sim_bus.kernel.guest import prepare, run_to_the_end
+from sim_bus.guests.guest import prepare, run_to_the_end
 
 # A test run under nohup, or in the background, has them ignored.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)

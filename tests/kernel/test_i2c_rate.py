@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from avionics.config_file import load_config
-from avionics.connections import imu_openers
+from avionics.config.load import load_config
+from avionics.flight.doctor import imu_openers
 from drivers.clock import SteadyClock
 from drivers.samples import ImuSample
 from tests.kernel import hil

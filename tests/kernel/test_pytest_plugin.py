@@ -12,7 +12,9 @@ STAND_IN = """
 import os
 import subprocess
 
-from sim_bus.kernel import guest, guests, pytest_plugin
+from sim_bus.guests import guest
+from sim_bus.guests import kinds as guests
+from sim_bus.guests import pytest_plugin
 
 
 def run(command, out, *, limit_s, cwd, environment):
@@ -60,7 +62,7 @@ def project(tmp_path: Path) -> Path:
 
 
 def run(project: Path, *words: str, **variables: str) -> "subprocess.CompletedProcess[str]":
-    plugins = ("-p", "sim_bus.kernel.pytest_plugin", "-p", "stand_in")
+    plugins = ("-p", "sim_bus.guests.pytest_plugin", "-p", "stand_in")
     outside = {k: v for k, v in os.environ.items() if k != "PYTEST_ADDOPTS"}
     return subprocess.run(
         [sys.executable, "-m", "pytest", "-rs", *plugins, *words],

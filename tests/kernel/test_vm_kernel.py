@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from sim_bus.kernel import vm, vm_kernel
-from sim_bus.kernel.guest import STATUS_MISSING
-from sim_bus.kernel.vm_kernel import KernelError, find_kernel, is_static
+from sim_bus.guests import vm, vm_kernel
+from sim_bus.guests.guest import STATUS_MISSING
+from sim_bus.guests.vm_kernel import KernelError, find_kernel, is_static
 
 
 @pytest.fixture

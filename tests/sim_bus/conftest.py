@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from avionics.config import Config
-from avionics.config_file import default_config_text, parse_config_text
+from avionics.config.load import default_config_text, parse_config_text
 
 
 class Wave:

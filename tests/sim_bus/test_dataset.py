@@ -10,10 +10,10 @@ import yaml
 
 from avionics.config import Config
 from avionics.errors import DataSetError
-from sim_bus.chessboard import INNER_CORNERS, SQUARE_M, chessboards
+from sim_bus.camera.chessboard import INNER_CORNERS, SQUARE_M, chessboards
 from sim_bus.dataset import Blemishes, write_data_set
 from sim_bus.dataset_yaml import LAB_FROM_BODY, LAB_ORIGIN_M
-from sim_bus.scenario import parse_scenario
+from sim_bus.wing.scenario import parse_scenario
 
 SECONDS = 4.0
 

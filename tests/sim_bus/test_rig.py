@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from avionics.config import Config
-from avionics.config_file import parse_config
+from avionics.config.load import parse_config
 from avionics.errors import ConfigError
 from avionics.records import Truth
 from drivers.samples import Frame, ImuSample
 from sim_bus.rig import SimRig, open_sim_rig
-from sim_bus.scenario import Scenario, parse_scenario
+from sim_bus.wing.scenario import Scenario, parse_scenario
 
 LINKS = {
     "i2c": {"kind": "i2c", "bus": 1, "address": 0x28},

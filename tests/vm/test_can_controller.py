@@ -9,11 +9,11 @@ import time
 import can
 import pytest
 
-from drivers.can_imus import CanImus
-from drivers.can_pod.codec import encode
-from drivers.can_pod.messages import Axes, Kind, Sample
+from drivers.can.imus import CanImus
+from drivers.can.pod.codec import encode
+from drivers.can.pod.messages import Axes, Kind, Sample
+from drivers.can.socketcan import SocketCanPort
 from drivers.clock import SteadyClock
-from drivers.socketcan import SocketCanPort
 
 pytestmark = pytest.mark.vm
 

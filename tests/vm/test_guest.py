@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_bus.kernel.guest import guest_kind
+from sim_bus.guests.guest import guest_kind
 
 pytestmark = pytest.mark.vm
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from drivers.cameras.v4l2 import V4l2Camera
 from drivers.clock import SteadyClock
 from drivers.errors import DeviceNotFoundError
-from drivers.v4l2_camera import V4l2Camera
 from tests.vm import vivid
 
 pytestmark = pytest.mark.vm

@@ -6,10 +6,10 @@ import time
 import numpy as np
 import pytest
 
+from drivers.cameras.v4l2 import V4l2Camera
 from drivers.clock import SteadyClock
 from drivers.samples import Frame
-from drivers.v4l2_camera import V4l2Camera
-from sim_bus.kernel.v4l2_output import V4l2Output
+from sim_bus.bench.v4l2_output import V4l2Output
 from tests.vm import vivid
 
 pytestmark = pytest.mark.vm

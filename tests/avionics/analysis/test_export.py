@@ -6,7 +6,7 @@ import pytest
 
 from avionics.analysis.export import export
 from avionics.config import Config
-from avionics.config_file import default_config_text, parse_config
+from avionics.config.load import default_config_text, parse_config
 from avionics.errors import OutputExistsError, RecordingError
 from avionics.recording import LogReader, LogWriter
 from avionics.records import Event, Health, MarkerTracks, Truth, WingShapeEstimate

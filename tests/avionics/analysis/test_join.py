@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from avionics.analysis.join import join
-from avionics.config_file import default_config_text, parse_config_text
+from avionics.config.load import default_config_text, parse_config_text
 from avionics.errors import JoinError
 from avionics.recording import LogReader, LogWriter
 from avionics.records import Truth

@@ -5,12 +5,12 @@ import pytest
 
 from avionics.analysis.evaluate import evaluate
 from avionics.analysis.history import between
-from avionics.analysis.import_set import import_set
 from avionics.analysis.replay import replay
+from avionics.datasets.import_set import import_set
 from avionics.errors import ConfigError, RecordingError
 from avionics.recording import EncodedFrame, LogReader, LogWriter
 from avionics.records import Truth, WingShapeEstimate
-from tests.avionics.analysis.conftest import make_set
+from tests.avionics.conftest import make_set
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,7 @@ def test_eq17_and_tip_against_their_definition(logs, tmp_path) -> None:
                 writer.write(message.topic, record, record.t_ns, message.arrival_ns)
             if isinstance(record, Truth):
                 t0 = record.t_ns if t0 is None else t0
-                from tests.avionics.analysis.conftest import EPOCH_NS
+                from tests.avionics.conftest import EPOCH_NS
 
                 q = made.q(np.array([(record.t_ns - EPOCH_NS) * 1e-9]))[0] + (0.01, 0.0)
                 line = np.zeros((3, 3))

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from avionics.analysis.pos_results import ARCMIN
-from avionics.analysis.pos_spec import load_spec
-from avionics.analysis.pos_study import Line, Study, run_study
 from avionics.pos.bound import difference_bound
 from avionics.pos.bound_imu import imu_bound
 from avionics.pos.simulate import simulate
+from avionics.pos.study.results import ARCMIN
+from avionics.pos.study.runs import Line, Study, run_study
+from avionics.pos.study.spec import load_spec
 
 pytestmark = [pytest.mark.proof, pytest.mark.timeout(3600)]
 

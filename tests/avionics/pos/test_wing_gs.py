@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from avionics.config import Config
-from avionics.config_file import default_config_text, parse_config_text
-from avionics.pipeline import Pipeline
+from avionics.config.load import default_config_text, parse_config_text
+from avionics.flight.pipeline import Pipeline
 from avionics.pos.attitude import rotation_from_vector
 from avionics.pos.wing_gs import WingGs, station_angles
 from avionics.records import Event, WingShapeEstimate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from avionics.config import Config
-from avionics.config_file import default_config_text, parse_config
+from avionics.config.load import default_config_text, parse_config
 from avionics.records import Event, Health, MarkerTracks, Truth, WingShapeEstimate
 from avionics.topics import Record
 from drivers.samples import Frame, ImuSample

@@ -15,7 +15,7 @@ from mcap.writer import Writer
 from avionics.config import Config
 from avionics.errors import ConfigError, RecordingError
 from avionics.recording import LogReader, LogWriter, recover
-from avionics.recording.scan import Damage, open_log, records
+from avionics.recording.mcap.scan import Damage, open_log, records
 from avionics.topics import topic_of
 from drivers.samples import Frame, ImuSample
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from avionics.errors import OutputExistsError, RecordingError
-from avionics.pipeline import Pipeline
+from avionics.flight.estimate_rows import row_batch
+from avionics.flight.pipeline import Pipeline
 from avionics.recording import LogReader, LogWriter
 from avionics.recording.log_process import LogProcess
-from avionics.rows import row_batch
 from drivers.samples import Frame, ImuSample
 from tests.avionics.wse.flight import Flight, Truth, make_config, swing
 

@@ -10,7 +10,8 @@ from mcap.reader import make_reader
 
 from avionics.config import Config
 from avionics.errors import OutputExistsError, RecordingError
-from avionics.recording import LogReader, LogWriter, Recorder, logfile
+from avionics.recording import LogReader, LogWriter, Recorder
+from avionics.recording.mcap import logfile
 from avionics.records import Event, Health
 from avionics.topics import topic_of
 from drivers.samples import Frame, ImuSample

@@ -127,7 +127,7 @@ def test_a_log_explains_itself(log_path: Path, config: Config, one_of_each: list
 def test_attached_toml_is_the_same_configuration(
     tmp_path: Path, config: Config, one_of_each: list[Record]
 ) -> None:
-    from avionics.config_file import load_config
+    from avionics.config.load import load_config
 
     write_all(tmp_path / "a.mcap", config, one_of_each)
     (tmp_path / "c.toml").write_bytes(LogReader(tmp_path / "a.mcap").attachments["config.toml"])

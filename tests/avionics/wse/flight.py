@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from avionics.config import Camera, Config, Estimator, Marker, Pod, Wing
-from avionics.pipeline import Pipeline
+from avionics.flight.pipeline import Pipeline
 from avionics.records import Event, Health, MarkerTracks, WingShapeEstimate
 from drivers.samples import ImuSample
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from avionics.wse.adaptive_noise import NO_VERDICT, Sighting, Trust
 from avionics.wse.gyro_step import GyroStep, Regime
 from avionics.wse.history import History
 from avionics.wse.process import Process, ProcessNoise
 from avionics.wse.rates import ModalRates
-from avionics.wse.trust import NO_VERDICT, Sighting, Trust
 
 MS = 1_000_000
 

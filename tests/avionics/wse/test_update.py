@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from avionics.config_file import default_config_text, parse_config_text
-from avionics.wse.measurement import MarkerModel
+from avionics.config.load import default_config_text, parse_config_text
+from avionics.wse.adaptive_noise import Sighting, Trust, UpdateRules
+from avionics.wse.markers import MarkerModel
 from avionics.wse.motion import Motion
 from avionics.wse.pinhole import pinhole_from_config
-from avionics.wse.trust import Sighting, Trust, UpdateRules
 from avionics.wse.update import MarkerUpdate
 
 ROW_S = 3e-5  # 480 rows in 14 ms, as small rolling shutters have it

@@ -5,9 +5,9 @@ import pytest
 
 from drivers.bno055.device import FROZEN_AFTER, STALE_AFTER
 from drivers.bno055.ports import UartRegisterPort
-from sim_bus.bno055_chip import SimBno055
+from sim_bus.buses.uart import SimSerialPort
+from sim_bus.chip.bno055.chip import SimBno055
 from sim_bus.clock import SimClock
-from sim_bus.uart import SimSerialPort
 from tests.drivers.wing_bench import START, Swing
 
 

@@ -1,0 +1,167 @@
+"""How files and overrides become a validated ``Config``; every error names file, key and remedy."""
+
+import hashlib
+import sys
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from avionics.config import Config
+from avionics.errors import ConfigError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+Tables = dict[str, Any]
+
+
+def parse_config(tables: dict[str, Any], *, origin: str) -> Config:
+    """Validate nested tables, as a TOML file or a log's attachment holds them.
+
+    Raises
+    ------
+    ConfigError
+        Naming ``origin``, the key, the value and what was wanted.
+    """
+    try:
+        return Config.model_validate(tables)
+    except ValidationError as error:
+        raise ConfigError("\n".join(explain(origin, item) for item in error.errors()[:5])) from None
+
+
+# Tables of several kinds, told apart by their key ``kind``.
+TAGGED = ("link", "source")
+
+
+def explain(origin: str, item: Any) -> str:
+    """Return one line on one of a validation error's items: file, key, what was wanted."""
+    # A discriminated union puts its tag into the path; it is no key of the file.
+    parts = [str(part) for part in item["loc"]]
+    path = ".".join(
+        p for p, before in zip(parts, ["", *parts], strict=False) if before not in TAGGED
+    )
+    if item["type"] == "extra_forbidden":
+        return f"{origin}: unknown key '{path}'; remove it or correct its spelling"
+    if item["type"] == "missing":
+        return f"{origin}: key '{path}' is missing"
+    where = f"key '{path}'" if path else "the configuration"
+    value = "" if item["type"] == "value_error" else f" (found {item['input']!r:.80})"
+    return f"{origin}: {where}: {item['msg'].removeprefix('Value error, ')}{value}"
+
+
+def load_config(path: Path, overrides: tuple[str, ...] = ()) -> Config:
+    """Read and validate a TOML configuration.
+
+    Parameters
+    ----------
+    path : Path
+        The file. A top-level ``calibration = {path, sha256}`` names a TOML file whose
+        ``[camera]`` keys replace those of this one.
+    overrides : tuple of str
+        ``key=value`` pairs, e.g. ``estimator.form=paper``.
+
+    Raises
+    ------
+    ConfigError
+        If the file is missing, is not TOML, or does not validate.
+    """
+    tables = read_toml(path)
+    calibration = tables.pop("calibration", None)
+    if calibration is not None:
+        _merge(tables, _read_calibration(path, calibration))
+    return parse_config(apply_overrides(tables, overrides), origin=str(path))
+
+
+def parse_config_text(text: str, overrides: tuple[str, ...] = (), *, origin: str) -> Config:
+    """Validate a configuration given as TOML text; see ``load_config``."""
+    return parse_config(apply_overrides(tomllib.loads(text), overrides), origin=origin)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the tables of a TOML file.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read or is not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        msg = f"{path}: cannot be read ({error.strerror}); give the path of a TOML configuration"
+        raise ConfigError(msg) from error
+    except UnicodeDecodeError as error:
+        msg = f"{path}: is not text in UTF-8; give a TOML configuration"
+        raise ConfigError(msg) from error
+    except tomllib.TOMLDecodeError as error:
+        msg = f"{path}: is not valid TOML: {error}"
+        raise ConfigError(msg) from error
+
+
+def _read_calibration(config_path: Path, entry: Any) -> dict[str, Any]:
+    if not isinstance(entry, dict) or set(entry) != {"path", "sha256"}:
+        msg = f"{config_path}: 'calibration' wants exactly the keys path and sha256"
+        raise ConfigError(msg)
+    path = config_path.parent / str(entry["path"])
+    tables = read_toml(path)
+    found = hashlib.sha256(path.read_bytes()).hexdigest()
+    if found != entry["sha256"]:
+        msg = f"{path}: SHA-256 is {found}, {config_path} expects {entry['sha256']}"
+        raise ConfigError(msg)
+    return tables
+
+
+def _merge(base: dict[str, Any], other: dict[str, Any]) -> None:
+    for key, value in other.items():
+        if isinstance(value, dict) and isinstance(base.get(key), dict):
+            _merge(base[key], value)
+        else:
+            base[key] = value
+
+
+def apply_overrides(tables: dict[str, Any], overrides: tuple[str, ...]) -> dict[str, Any]:
+    """Return the tables with ``key=value`` pairs applied; values are read as TOML or as text.
+
+    Raises
+    ------
+    ConfigError
+        If a pair has no ``=`` or a key does not lead to a table.
+    """
+    result: dict[str, Any] = _deep_copy(tables)
+    for pair in overrides:
+        key, separator, text = pair.partition("=")
+        if not separator or not key:
+            msg = f"--set {pair}: wants key=value, for example estimator.form=paper"
+            raise ConfigError(msg)
+        table = result
+        *parents, last = key.strip().split(".")
+        for parent in parents:
+            child = table.setdefault(parent, {})
+            if not isinstance(child, dict):
+                msg = f"--set {pair}: '{parent}' is not a table"
+                raise ConfigError(msg)
+            table = child
+        table[last] = _toml_value(text.strip())
+    return result
+
+
+def _deep_copy(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _deep_copy(item) for key, item in value.items()}
+    return value
+
+
+def _toml_value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def default_config_text() -> str:
+    """Return the packaged configuration: the simulated mockup wing."""
+    return resources.files("avionics.config").joinpath("default.toml").read_text(encoding="utf-8")

@@ -1,0 +1,1 @@
+"""Recorded data of others: formats in, one log out."""

@@ -1,0 +1,1 @@
+"""A flight: from the configured links to estimates, live or in lockstep."""

@@ -1,0 +1,110 @@
+"""What the pipeline has to write, in order, while the rows of some ticks are made together."""
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol, runtime_checkable
+
+from avionics.flight.estimate_rows import RowBatch, RowMaker, Seen, Tick, row_batch
+from avionics.topics import Record, Sink, topic_of
+
+
+class Slot(NamedTuple):
+    """The place of rows among the records: those of the next tick, or of the next frame.
+
+    Attributes
+    ----------
+    is_tick : bool
+        Whether they are a tick's.
+    t_ns, now_ns : int
+        When they were true, and when they were made, ns.
+    """
+
+    is_tick: bool
+    t_ns: int
+    now_ns: int
+
+
+Item = Slot | tuple[str, Record, int, int]
+"""Rows that are still to be made, or a record with topic, time and arrival."""
+
+
+@runtime_checkable
+class BatchSink(Protocol):
+    """A sink that makes the rows itself, such as one in another process."""
+
+    def take(self, batch: RowBatch, items: Sequence[Item]) -> None:
+        """Write records in order, and the rows in their places among them."""
+        ...
+
+
+class RowWriter:
+    """Makes rows and hands them to a sink with the records among which they stand.
+
+    Parameters
+    ----------
+    rows : RowMaker
+        Makes the rows.
+    sink : Sink
+        Takes every record.
+    """
+
+    def __init__(self, rows: RowMaker, sink: Sink) -> None:
+        self._rows = rows
+        self._sink = sink
+
+    def take(self, batch: RowBatch, items: Sequence[Item]) -> None:
+        """Write records in order, and the rows in their places among them."""
+        made, filtered = self._rows.together(batch)
+        pairs, singles = iter(made), iter(filtered)
+        for item in items:
+            if isinstance(item, Slot):
+                for row in next(pairs) if item.is_tick else (next(singles),):
+                    self._sink.write(topic_of(row), row, item.t_ns, item.now_ns)
+            else:
+                self._sink.write(*item)
+
+
+class Outbox:
+    """Hands on what is to be written in the order in which it came, rows included.
+
+    Making the rows of several ticks in one call costs little more than making those of one. Rows
+    wait until ``at_once`` ticks have passed, and what is written behind a waiting row waits too.
+
+    Parameters
+    ----------
+    sink : BatchSink
+        Takes rows and records.
+    at_once : int
+        Ticks whose rows are made together. Groups are counted in time, so that a replay forms the
+        same ones.
+    """
+
+    def __init__(self, sink: BatchSink, *, at_once: int) -> None:
+        self._sink = sink
+        self._at_once = at_once
+        self._items: list[Item] = []
+        self._ticks: list[Tick] = []
+        self._seen: list[Seen] = []
+
+    def write(self, topic: str, record: Record, t_ns: int, arrival_ns: int) -> None:
+        """Take a record."""
+        self._items.append((topic, record, t_ns, arrival_ns))
+        if not self._ticks and not self._seen:
+            self.flush()
+
+    def tick(self, tick: Tick) -> None:
+        """Take a tick whose rows are due."""
+        self._items.append(Slot(is_tick=True, t_ns=tick.t_ns, now_ns=tick.t_ns))
+        self._ticks.append(tick)
+        if (tick.number + 1) % self._at_once == 0:
+            self.flush()
+
+    def seen(self, seen: Seen) -> None:
+        """Take a frame whose row is due."""
+        self._items.append(Slot(is_tick=False, t_ns=seen.t_ns, now_ns=seen.now_ns))
+        self._seen.append(seen)
+
+    def flush(self) -> None:
+        """Hand on everything that waits."""
+        items, ticks, seen = self._items, self._ticks, self._seen
+        self._items, self._ticks, self._seen = [], [], []
+        self._sink.take(row_batch(ticks, seen), items)

@@ -1,0 +1,1 @@
+"""Studies of distributed POS: specifications, runs, tables, figures and pages."""

@@ -1,0 +1,1 @@
+"""What Foxglove draws, derived from the records."""

@@ -1,0 +1,1 @@
+"""Records as protobuf and back; ``proto/records.proto`` holds our own messages."""

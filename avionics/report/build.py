@@ -1,0 +1,50 @@
+"""The report of a flight: one HTML page for the engineer who has to judge it."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from avionics.errors import AvionicsError, RecordingError
+from avionics.recording import refuse_existing
+
+Progress = Callable[[float], None]
+
+
+def write_report(
+    log: Path, output: Path, *, force: bool = False, progress: Progress | None = None
+) -> None:
+    """Write the report of a log.
+
+    Parameters
+    ----------
+    log : Path
+        The log; may be cut.
+    output : Path
+        The HTML file.
+    force : bool
+        Replace an existing file.
+    progress : callable, optional
+        Called with the number of figures drawn.
+
+    Raises
+    ------
+    OutputExistsError
+        If ``output`` exists and ``force`` is False.
+    RecordingError
+        If the log cannot be read or the page cannot be written.
+    AvionicsError
+        If matplotlib is not installed.
+    """
+    refuse_existing(output, force=force)
+    try:
+        from avionics.report.sections import build_page  # noqa: PLC0415  # only on the desk
+    except ImportError as error:
+        if not (error.name or "").startswith("matplotlib"):
+            raise
+        msg = 'a report wants matplotlib: pip install "wing-avionics[desk]"'
+        raise AvionicsError(msg) from error
+    html = build_page(log, progress or (lambda _done: None))
+    try:
+        output.write_text(html, encoding="utf-8")
+    except OSError as error:
+        msg = f"{output}: cannot be written ({error.strerror})"
+        raise RecordingError(msg) from error

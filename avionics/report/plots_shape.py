@@ -1,0 +1,181 @@
+"""The figures of a report at chosen instants: markers over the frame, the wing seen from behind."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import PowerNorm
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from avionics.records import FloatArray
+from avionics.report.data import Flight
+from avionics.report.plots import COLOURS, NAMES, SETTLED_S, WIDTH_IN
+from avionics.wse.pinhole import pinhole_from_config
+from drivers.samples import Frame
+
+INSTANTS = 4
+KINDS = ("rg", "crg")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Instant:
+    """One chosen instant.
+
+    Attributes
+    ----------
+    t_ns : int
+        The instant on the gyro clock, ns.
+    frame_index : int or None
+        The frame exposed then.
+    label : str
+        "t1" and so on.
+    """
+
+    t_ns: int
+    frame_index: int | None
+    label: str
+
+
+def choose_instants(flight: Flight) -> list[Instant]:
+    """Return the start, and the lowest, highest and lowest tip of the flight's three thirds.
+
+    Instants are those of frames where there are frames.
+    """
+    history = flight.estimates.get("crg") or next(iter(flight.estimates.values()))
+    t_ns, height = history.t_ns, -history.line_m[:, -1, 2]
+    if flight.frames_ns:
+        exposures = np.array(sorted(flight.frames_ns.values()))
+        inside = (exposures >= t_ns[0]) & (exposures <= t_ns[-1])
+        if inside.any():
+            t_ns = exposures[inside]
+            height = np.interp(t_ns - t_ns[0], history.t_ns - t_ns[0], height)
+    settled = np.flatnonzero(t_ns >= t_ns[0] + round(SETTLED_S * 1e9))
+    if len(settled) < INSTANTS:
+        settled = np.arange(len(t_ns))
+    thirds = np.array_split(settled, INSTANTS - 1)
+    signed = [sign * height[third] for sign, third in zip((-1, 1, -1), thirds, strict=True)]
+    extremes = [
+        third[np.nanargmax(value)]
+        for third, value in zip(thirds, signed, strict=True)
+        if np.isfinite(value).any()
+    ]
+    index_of = {exposure: index for index, exposure in flight.frames_ns.items()}
+    return [
+        Instant(int(t_ns[at]) + flight.offset_ns, index_of.get(int(t_ns[at])), f"t{number + 1}")
+        for number, at in enumerate(sorted({int(settled[0]), *map(int, extremes)}))
+    ]
+
+
+def _grid(count: int, row_height_in: float) -> tuple[Figure, list[Axes]]:
+    columns = min(2, count)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(WIDTH_IN, row_height_in * rows), layout="constrained")
+    axes = [axes for row in figure.subplots(rows, columns, squeeze=False) for axes in row]
+    for unused in axes[count:]:
+        unused.set_axis_off()
+    return figure, axes[:count]
+
+
+def frames_figure(
+    flight: Flight, instants: Sequence[Instant], frames: dict[int, Frame]
+) -> Figure | None:
+    """Draw markers as tracked, as estimated and as they truly were over the camera's pictures.
+
+    Returns
+    -------
+    Figure or None
+        None if the log holds none of the frames.
+    """
+    shown = [
+        (instant, frames[instant.frame_index])
+        for instant in instants
+        if instant.frame_index in frames
+    ]
+    if not shown:
+        return None
+    figure, axes = _grid(len(shown), 4.3)
+    for panel, (instant, frame) in zip(axes, shown, strict=True):
+        height, width = frame.image.shape[:2]
+        image = frame.image if frame.image.ndim == 2 else frame.image[..., ::-1]
+        # The square root lifts the wing out of the dark that a short exposure leaves.
+        panel.imshow(image, cmap="gray", norm=PowerNorm(0.5, 0, 255), interpolation="nearest")
+        _overlay(panel, flight, instant)
+        panel.set_xlim(-0.5, width - 0.5)
+        panel.set_ylim(height - 0.5, -0.5)
+        panel.set_xticks([])
+        panel.set_yticks([])
+        panel.grid(visible=False)
+        seconds = float(flight.seconds(instant.t_ns))
+        panel.set_title(f"{instant.label} = {seconds:.2f} s, frame {frame.index}", fontsize=10)
+    figure.legend(handles=_overlay_legend(flight), loc="outside upper center", ncols=4)
+    return figure
+
+
+def _overlay(panel: Axes, flight: Flight, instant: Instant) -> None:
+    if flight.tracked_px is not None:
+        pixel = flight.tracked_px.at(instant.t_ns - flight.offset_ns)
+        _dots(panel, pixel, marker="s", ms=13, mec=COLOURS["tracks"], mew=1.4)
+    for kind, colour in (("rg", "white"), ("crg", "#ff3030")):
+        if kind in flight.estimates:
+            pixel = flight.estimates[kind].pixels.at(instant.t_ns)
+            _dots(panel, pixel, marker="o", ms=9, mec=colour, mew=1.4)
+    camera = flight.config.camera
+    if flight.truth_markers_m is not None and camera is not None:
+        points = flight.truth_markers_m.at(instant.t_ns)
+        pinhole = pinhole_from_config(camera)
+        pixel = pinhole.project(points)[np.isfinite(points).all(axis=1) & pinhole.can_see(points)]
+        _dots(panel, pixel, marker="+", ms=8, mec="#3ddc63", mew=1.2)
+
+
+def _dots(panel: Axes, pixel: FloatArray, **style: Any) -> None:
+    panel.plot(pixel[:, 0], pixel[:, 1], ls="none", mfc="none", **style)
+
+
+def _overlay_legend(flight: Flight) -> list[Line2D]:
+    entries = [
+        ("s", COLOURS["tracks"], "tracked"),
+        ("o", "#999999", f"{NAMES['rg']}, white"),
+        ("o", "#ff3030", NAMES["crg"]),
+    ]
+    if flight.truth_markers_m is not None:
+        entries.append(("+", "#3ddc63", f"truth ({flight.truth_source}), projected"))
+    return [
+        Line2D([], [], ls="none", marker=marker, mfc="none", mec=colour, mew=1.4, label=label)
+        for marker, colour, label in entries
+    ]
+
+
+def side_figure(flight: Flight, instants: Sequence[Instant]) -> Figure:
+    """Draw the reference line seen from behind, up is up, at the chosen instants."""
+    figure, axes = _grid(len(instants), 2.6)
+    for panel, instant in zip(axes, instants, strict=True):
+        if flight.truth_line_m is not None:
+            line = flight.truth_line_m.at(instant.t_ns)
+            panel.plot(line[:, 1], -line[:, 2], color=COLOURS["truth"], lw=3, alpha=0.5)
+        if flight.truth_markers_m is not None:
+            points = flight.truth_markers_m.at(instant.t_ns)
+            panel.plot(
+                points[:, 1], -points[:, 2], ls="none", marker="+", color=COLOURS["truth"], ms=7
+            )
+        for kind in KINDS:
+            if kind in flight.estimates:
+                line = flight.estimates[kind].line.at(instant.t_ns)
+                panel.plot(line[:, 1], -line[:, 2], color=COLOURS[kind], lw=1.6)
+        panel.set_aspect("equal", adjustable="datalim")
+        seconds = float(flight.seconds(instant.t_ns))
+        panel.set_title(f"{instant.label} = {seconds:.2f} s", fontsize=10)
+        panel.set_xlabel("span y, m")
+        panel.set_ylabel("up −z, m")
+    handles = [
+        Line2D([], [], color=COLOURS[kind], label=NAMES[kind])
+        for kind in KINDS
+        if kind in flight.estimates
+    ]
+    if flight.truth_markers_m is not None or flight.truth_line_m is not None:
+        label = f"truth ({flight.truth_source})"
+        handles.append(Line2D([], [], color=COLOURS["truth"], marker="+", label=label))
+    figure.legend(handles=handles, loc="outside upper center", ncols=3)
+    return figure

@@ -1,0 +1,102 @@
+"""The figures of merit of a report: what ``evaluate`` says, and the errors over time behind it."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from avionics.analysis.evaluate import SETTLE_S, Comparison, Evaluation, evaluate
+from avionics.analysis.history import read_history
+from avionics.errors import RecordingError
+from avionics.recording import LogReader
+from avionics.report.data import Series
+
+HEAD = ("estimate", "median, px", "mean, px", "95 %, px", "max, px", "slope, px/min",
+        "tip RMS, mm", "tip max, mm", "tip NEES", "NIS per DOF")  # fmt: skip
+NAMES = {
+    "rg": "RG-WSE, gyros alone",
+    "crg": "CRG-WSE, as flown",
+    "filtered": "CRG-WSE, filtered",
+    "smoothed": "CRG-WSE, smoothed",
+}
+NOTE = (
+    f"After the first {SETTLE_S:.0f} s. Pixels: mean error of the visible markers (Eq. 17). Tip:"
+    " distance from the true end of the reference line. NEES and NIS are near 1 where the filter"
+    " judges its own uncertainty rightly."
+)
+
+
+@dataclass(slots=True, eq=False)
+class Scores:
+    """What the comparison with the truth gives.
+
+    Attributes
+    ----------
+    rows : list of tuple of str
+        One row per estimate, columns as in ``HEAD``.
+    why_none : str
+        Why there is no table; empty if there is one.
+    errors : dict of str to Series
+        Marker error by kind over the whole flight, px.
+    truth_tip : Series or None
+        True position of the tip, (n, 3), m.
+    """
+
+    rows: list[tuple[str, ...]] = field(default_factory=list)
+    why_none: str = ""
+    errors: dict[str, Series] = field(default_factory=dict)
+    truth_tip: Series | None = None
+
+
+def read_scores(log: Path) -> Scores:
+    """Return the comparison of a log's estimates with the truth in it."""
+    scores = Scores()
+    try:
+        scores.rows = _rows(evaluate(log))
+    except RecordingError as error:
+        scores.why_none = str(error).removeprefix(f"{log}: ")
+    reader = LogReader(log)
+    history = read_history(reader)
+    if history.truth is None or not history.estimates:
+        return scores
+    comparison = Comparison(reader.config, history, history.truth, settle_s=0.0)
+    known = np.isfinite(comparison.tip_m).all(axis=1)
+    if known.sum() > 1:
+        scores.truth_tip = Series(comparison.t_ns[known], comparison.tip_m[known])
+    for kind in _ordered(history.estimates):
+        t_ns, distance_px = comparison.marker_error_px(history.estimates[kind])
+        if distance_px.size:
+            scores.errors[kind] = Series(t_ns, distance_px)
+    return scores
+
+
+def _rows(evaluation: Evaluation) -> list[tuple[str, ...]]:
+    rows = []
+    for kind in _ordered(evaluation.kinds):
+        score = evaluation.kinds[kind]
+        pixels = score.eq17_px or {}
+        numbers = [pixels.get(key) for key in ("median", "mean", "p95", "max")]
+        slope = pixels.get("slope_per_min")
+        tip = [score.tip_mm.get(key) for key in ("rmse", "max")]
+        rows.append(
+            (
+                NAMES.get(kind, kind),
+                *(_text(number, ".2f") for number in numbers),
+                _text(slope, "+.2f"),
+                *(_text(number, ".1f") for number in tip),
+                _text(score.nees_tip, ".3g"),
+                _text(score.nis_per_dof, ".2f"),
+            )
+        )
+    return rows
+
+
+def _ordered(kinds: Iterable[str]) -> list[str]:
+    """Return the kinds in the order of ``NAMES``, others behind."""
+    known = list(NAMES)
+    return sorted(kinds, key=lambda kind: (kind not in known, [*known, kind].index(kind)))
+
+
+def _text(number: float | None, form: str) -> str:
+    return "-" if number is None else format(number, form)

@@ -1,0 +1,1 @@
+"""CAN: ports, error frames, and the pods as sources of samples."""

@@ -1,0 +1,1 @@
+"""The bench: the simulated wing in real time behind real or virtual interfaces."""

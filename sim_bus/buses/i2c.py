@@ -1,0 +1,160 @@
+"""Simulated chips behind the methods of ``smbus2.SMBus``, with an optional TCA9548A before them."""
+
+import errno
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from drivers.clock import Clock
+from sim_bus.buses.faults import FaultPlan, flip_bit_7
+from sim_bus.chip.bno055.chip import ChipSilentError, SimBno055
+
+BLOCK_MAX = 32
+ADDRESS_BYTES = 3
+Place = tuple[int | None, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Wired:
+    """One chip on the bus and the name under which faults find it."""
+
+    chip: SimBno055
+    target: str
+
+
+def i2c_error(number: int) -> OSError:
+    """Return the error that the kernel would give."""
+    return OSError(number, os.strerror(number))
+
+
+class SimI2cBus:
+    """One I2C bus with BNO055 chips and multiplexers.
+
+    Parameters
+    ----------
+    clock : Clock
+        The rig's clock. A transfer takes ``byte_ns`` per byte of its time.
+    chips : mapping
+        From (multiplexer address or None, channel, chip address) to the chip.
+    faults : FaultPlan
+        What goes wrong.
+    byte_ns : int
+        Time of one byte, ns; 180 us is what a BNO055's clock stretching makes of it.
+
+    Notes
+    -----
+    Errors are the kernel's: EREMOTEIO (121) for a NAK, ETIMEDOUT (110) for a stuck bus, EIO (5),
+    EAGAIN (11) for lost arbitration.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        chips: Mapping[Place, Wired],
+        faults: FaultPlan | None = None,
+        *,
+        byte_ns: int = 180_000,
+    ) -> None:
+        self._clock, self._byte_ns = clock, byte_ns
+        self._chips = dict(chips)
+        self._faults = FaultPlan() if faults is None else faults
+        self._muxes = {place[0]: 0 for place in chips if place[0] is not None}
+        self._pointer: dict[int, int] = {}
+        self.is_open = True
+
+    def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
+        """Read ``length`` (at most 32) bytes from ``register``."""
+        if not 1 <= length <= BLOCK_MAX:
+            msg = f"block length {length}, wanted 1 to {BLOCK_MAX}"
+            raise ValueError(msg)
+        wired = self._begin(i2c_addr, length + 3)
+        if wired is None:
+            return [self._muxes[i2c_addr]] * length
+        # The chip takes its data behind the addresses; the whole is slept in one piece.
+        taken_ns = self._clock.now_ns() + ADDRESS_BYTES * self._byte_ns
+        try:
+            data = wired.chip.read(register, length, taken_ns)
+        except ChipSilentError as error:
+            raise i2c_error(errno.EREMOTEIO) from error
+        self._transfer(length + ADDRESS_BYTES)
+        if self._faults.strikes("wrong_chip", wired.target, self._clock.now_ns()):
+            data = bytes(length)
+        if self._faults.strikes("spike", wired.target, self._clock.now_ns()):
+            data = flip_bit_7(data, self._faults.rng)
+        return list(data)
+
+    def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int]) -> None:
+        """Write at most 32 bytes from ``register`` on."""
+        if len(data) > BLOCK_MAX:
+            msg = f"block length {len(data)}, wanted at most {BLOCK_MAX}"
+            raise ValueError(msg)
+        wired = self._begin(i2c_addr, len(data) + 2)
+        if wired is None:
+            self._muxes[i2c_addr] = data[-1] if data else register
+            return
+        self._transfer(len(data) + 2)
+        try:
+            wired.chip.write(register, bytes(data), self._clock.now_ns())
+        except ChipSilentError as error:
+            raise i2c_error(errno.EREMOTEIO) from error
+        self._pointer[i2c_addr] = register
+
+    def read_byte_data(self, i2c_addr: int, register: int) -> int:
+        """Read one register."""
+        return self.read_i2c_block_data(i2c_addr, register, 1)[0]
+
+    def write_byte_data(self, i2c_addr: int, register: int, value: int) -> None:
+        """Write one register."""
+        self.write_i2c_block_data(i2c_addr, register, [value])
+
+    def write_byte(self, i2c_addr: int, value: int) -> None:
+        """Write the register pointer, or a multiplexer's channel mask."""
+        if self._begin(i2c_addr, 2) is None:
+            self._muxes[i2c_addr] = value
+            return
+        self._transfer(2)
+        self._pointer[i2c_addr] = value
+
+    def read_byte(self, i2c_addr: int) -> int:
+        """Read one byte at the register pointer, or a multiplexer's channel mask."""
+        return self.read_i2c_block_data(i2c_addr, self._pointer.get(i2c_addr, 0), 1)[0]
+
+    def close(self) -> None:
+        """Release the bus."""
+        self.is_open = False
+
+    def _transfer(self, count: int) -> None:
+        if self._byte_ns:
+            self._clock.sleep_until_ns(self._clock.now_ns() + count * self._byte_ns)
+
+    def _begin(self, address: int, count: int) -> Wired | None:
+        """Return who answers at an address, None for a multiplexer; raise what the bus does."""
+        if not self.is_open:
+            raise i2c_error(errno.EBADF)
+        now_ns = self._clock.now_ns()
+        targets = {wired.target for wired in self._chips.values()}
+        if any(self._faults.strikes("stuck_bus", target, now_ns) for target in sorted(targets)):
+            self._transfer(10 * count)
+            raise i2c_error(errno.ETIMEDOUT)
+        if address in self._muxes:
+            self._transfer(2)
+            return None
+        wired = self._find(address)
+        self._faults.apply_to_chip(wired.chip, wired.target, now_ns)
+        for kind, number in (
+            ("nak", errno.EREMOTEIO),
+            ("io_error", errno.EIO),
+            ("arbitration_lost", errno.EAGAIN),
+        ):
+            if self._faults.strikes(kind, wired.target, now_ns):
+                self._transfer(1)
+                raise i2c_error(number)
+        return wired
+
+    def _find(self, address: int) -> Wired:
+        for (mux, channel, at), wired in self._chips.items():
+            is_through = mux is None or self._muxes[mux] >> channel & 1
+            if at == address and is_through:
+                return wired
+        self._transfer(1)
+        raise i2c_error(errno.EREMOTEIO)

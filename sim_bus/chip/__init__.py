@@ -1,0 +1,1 @@
+"""Simulated sensor chips, true to the register."""

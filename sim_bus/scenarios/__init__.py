@@ -1,1 +1,0 @@
-"""Flights that come with the package; see ``sim_bus.scenario``."""

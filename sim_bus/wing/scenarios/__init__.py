@@ -1,0 +1,1 @@
+"""Flights that come with the package; see ``sim_bus.wing.scenario``."""

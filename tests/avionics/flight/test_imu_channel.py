@@ -1,0 +1,45 @@
+"""GIVEN reads at irregular times WHEN a sample enters the estimator THEN its time is true."""
+
+import numpy as np
+import pytest
+
+from avionics.config import Estimator, Pod
+from avionics.config.links import CanLink, I2cLink, UartLink
+from avionics.flight.health import HealthLog
+from avionics.flight.imu_channel import ImuChannel
+from drivers.bno055.registers import MODE_BY_NAME, filter_delay_s, register_age_s
+from drivers.samples import ImuSample
+from tests.avionics.wse.flight import ListSink
+
+PERIOD_NS = 10_000_000
+# A host that is busy polls late, never early.
+LATE_NS = np.random.default_rng(3).exponential(2.5e6, 600).clip(0, 8e6).astype(int)
+READS_NS = 7_000_000_000 + np.arange(600) * PERIOD_NS + LATE_NS
+
+
+def used_times_ns(pod: Pod) -> np.ndarray:
+    """When the estimator takes late reads for true, without the chip's own lag."""
+    channel = ImuChannel(
+        "pod 0", pod, Estimator(), is_mirrored=False, health=HealthLog(ListSink())
+    )  # fmt: skip
+    lag_s = filter_delay_s(32) + register_age_s(MODE_BY_NAME[pod.chip.mode], 32)
+    used = []
+    for seq, t_ns in enumerate(READS_NS.tolist()):
+        rate = np.array([1e-3 * np.sin(seq), 0.0, 0.0])
+        taken = channel.take(ImuSample(t_ns, "0", seq, rate), t_ns)
+        assert taken is not None
+        used.append(taken[0] + round(1e9 * lag_s))
+    return np.array(used)
+
+
+@pytest.mark.parametrize(
+    "link", [I2cLink(), UartLink(kind="uart", port="/dev/ttyX"), CanLink(kind="can")]
+)
+def test_our_drivers_stamps_are_believed(link) -> None:
+    assert used_times_ns(Pod(id=0, s_m=1.0, link=link)) == pytest.approx(READS_NS, abs=2)
+
+
+def test_a_data_sets_late_stamps_are_of_a_regular_clock() -> None:
+    used = used_times_ns(Pod(id=0, s_m=1.0))
+    late_ns = (used - (READS_NS - LATE_NS))[200:]
+    assert np.abs(late_ns).max() < 0.25 * LATE_NS.mean()

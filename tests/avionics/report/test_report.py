@@ -1,0 +1,225 @@
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from avionics.config import Config
+from avionics.config.load import default_config_text, parse_config
+from avionics.errors import OutputExistsError, RecordingError
+from avionics.recording import LogWriter
+from avionics.records import Event, Health, MarkerTracks, Truth, WingShapeEstimate
+from avionics.topics import Record, topic_of
+from avionics.wse.pinhole import pinhole_from_config
+from drivers.samples import Frame, ImuSample
+
+try:
+    import tomllib
+except ModuleNotFoundError:
+    import tomli as tomllib
+
+pytest.importorskip("matplotlib")
+
+from avionics.report.build import write_report
+from avionics.report.data import read_flight
+from avionics.report.plots_shape import choose_instants
+
+SPAN_M, STATIONS = 1.5, 16
+LENGTH_S = 9.0
+
+
+def make_config() -> Config:
+    tables = tomllib.loads(default_config_text())
+    tables["truth_markers"] = tables["markers"]
+    return parse_config(tables, origin="test")
+
+
+CONFIG = make_config()
+
+
+def line_m(t_s: float, drift: float = 0.0) -> np.ndarray:
+    """A wing that swings at 1 Hz; ``drift`` bends it further."""
+    s = np.linspace(0.0, SPAN_M, STATIONS)
+    bend = 0.2 * np.sin(2 * np.pi * t_s) + drift
+    return np.column_stack([np.zeros(STATIONS), s, bend * s**2])
+
+
+def markers_m(t_s: float, drift: float = 0.0) -> np.ndarray:
+    line = line_m(t_s, drift)
+    s = np.linspace(0.0, SPAN_M, STATIONS)
+    return np.array(
+        [
+            [np.interp(m.s_m, s, line[:, axis]) + (m.x_m, 0.0, m.z_m)[axis] for axis in range(3)]
+            for m in CONFIG.markers
+        ]
+    )
+
+
+def pixels(t_s: float, drift: float = 0.0) -> np.ndarray:
+    assert CONFIG.camera is not None
+    return pinhole_from_config(CONFIG.camera).project(markers_m(t_s, drift))
+
+
+def estimate(t_ns: int, kind: str) -> WingShapeEstimate:
+    t_s = t_ns * 1e-9
+    drift = 0.01 * t_s if kind == "rg" else 0.001
+    one = np.array([0.1])
+    return WingShapeEstimate(
+        t_ns, "right", kind, "quarter-sine/1+1+1", one, one, one, one, one, one,
+        np.full((2, 3), 0.002), np.full((2, 3), 0.001), line_m(t_s, drift), np.full(3, 0.004),
+        pixels(t_s, drift), np.full((6, 2), 0.2), 1.1, np.ones(6, bool),
+    )  # fmt: skip
+
+
+def flight_records(
+    *, with_camera: bool = True, with_truth: bool = True
+) -> list[tuple[int, Record]]:
+    rng = np.random.default_rng(5)
+    items: list[tuple[int, Record]] = []
+    for number in range(round(LENGTH_S * 100)):
+        t_ns = number * 10_000_000
+        for pod in "01":
+            items.append((t_ns, ImuSample(t_ns, pod, number, rng.normal(size=3) * 0.1)))
+        items += [(t_ns, estimate(t_ns, kind)) for kind in ("rg", "crg")]
+        if with_truth and number % 2 == 0:
+            t_s = t_ns * 1e-9
+            truth = Truth(t_ns, "right", "sim", markers_m(t_s), line_m(t_s))
+            items.append((t_ns, truth))
+        if with_camera and number % 10 == 5:
+            pixel = pixels(t_ns * 1e-9) + rng.normal(size=(6, 2)) * 0.3
+            found = np.array([True] * 5 + [number < 400])
+            index = number // 10
+            image = np.zeros((480, 640), np.uint8)
+            items += [
+                (t_ns + 40_000_000, Frame(t_ns, "root", index, image)),
+                (
+                    t_ns + 40_000_000,
+                    MarkerTracks(t_ns, "root", index, pixel, np.full(6, 0.3), found, "led"),
+                ),
+                (t_ns + 40_000_000, estimate(t_ns, "filtered")),
+            ]
+    end_ns = round(LENGTH_S * 1e9)
+    items.append((end_ns, Health(end_ns, "can0", {"frames": 900, "bus_off": 1})))
+    items.append((end_ns, Event(3_000_000_000, "pod 1", "warning", "silent <0.2 s> & back")))
+    return items
+
+
+def write(path: Path, items: list[tuple[int, Record]]) -> Path:
+    with LogWriter(path, CONFIG, metadata={"command": "sim"}) as writer:
+        for arrival_ns, record in items:
+            writer.write(topic_of(record), record, record.t_ns, arrival_ns)
+    return path
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write(tmp_path_factory.mktemp("log") / "flight.mcap", flight_records())
+
+
+@pytest.fixture(scope="module")
+def page(log: Path) -> str:
+    output = log.with_name("report.html")
+    write_report(log, output)
+    return output.read_text(encoding="utf-8")
+
+
+class Checker(HTMLParser):
+    """Collects what a browser would have to fetch, and every id."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.fetched: list[str] = []
+        self.tags: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        for name, value in attrs:
+            if name in {"src", "href", "xlink:href"} and value and not value.startswith("#"):
+                self.fetched.append(value)
+
+
+def test_page_is_self_contained(page: str) -> None:
+    checker = Checker()
+    checker.feed(page)
+    assert all(address.startswith("data:") for address in checker.fetched)
+    assert not {"script", "link", "iframe"} & set(checker.tags)
+    assert "@import" not in page
+    assert "url(http" not in page
+
+
+def test_page_says_what_flew_and_what_was_lost(page: str) -> None:
+    for words in (
+        "Flight report: flight.mcap",
+        "avionics sim",
+        "0, 1 at 0.6 m; 2, 3 at 1.2 m; 4, 5 at 1.5 m",
+        "/camera/root/tracks",
+        "bus_off 1",
+        "silent &lt;0.2 s&gt; &amp; back",
+        "From exposure to fusion: median 40 ms",
+    ):
+        assert words in page
+
+
+def test_every_figure_has_number_and_caption(page: str) -> None:
+    captions = re.findall(r"<figcaption><b>Figure (\d+)\. ([^<]*)</b>", page)
+    assert [int(number) for number, _ in captions] == list(range(1, page.count("<figure>") + 1))
+    titles = " ".join(title for _, title in captions)
+    for words in ("Marker error", "Markers over", "Reference line", "Tip", "rates", "bias",
+                  "Innovations", "Markers found"):  # fmt: skip
+        assert words in titles
+
+
+def test_names_inside_the_drawings_do_not_clash(page: str) -> None:
+    """A clip path of one drawing must not cut another."""
+    clips = re.findall(r'<clipPath id="([^"]+)"', page)
+    assert len(clips) == len(set(clips)) > 0
+
+
+def test_same_log_gives_the_same_page(log: Path, page: str, tmp_path: Path) -> None:
+    write_report(log, tmp_path / "again.html")
+    assert (tmp_path / "again.html").read_text(encoding="utf-8") == page
+
+
+def test_instants_are_the_extremes_of_the_thirds(log: Path) -> None:
+    flight = read_flight(log)
+    instants = choose_instants(flight)
+    heights = [-line_m(one.t_ns * 1e-9)[-1, 2] for one in instants]
+    assert [one.label for one in instants] == ["t1", "t2", "t3", "t4"]
+    assert heights[1] == pytest.approx(-0.45, abs=0.03)
+    assert heights[2] == pytest.approx(0.45, abs=0.03)
+    assert heights[3] == pytest.approx(-0.45, abs=0.03)
+    assert all(flight.frames_ns[one.frame_index] == one.t_ns for one in instants)
+
+
+def test_a_flight_without_camera_and_truth_still_has_a_report(tmp_path: Path) -> None:
+    items = flight_records(with_camera=False, with_truth=False)
+    write_report(write(tmp_path / "bare.mcap", items), tmp_path / "bare.html")
+    text = (tmp_path / "bare.html").read_text(encoding="utf-8")
+    assert "no truth" in text
+    assert "Tip deflection" in text
+
+
+def test_an_import_without_estimates_still_has_a_report(tmp_path: Path) -> None:
+    items = [item for item in flight_records() if not isinstance(item[1], WingShapeEstimate)]
+    write_report(write(tmp_path / "raw.mcap", items), tmp_path / "raw.html")
+    assert "Angular rates" in (tmp_path / "raw.html").read_text(encoding="utf-8")
+
+
+def test_a_cut_log_is_reported_as_cut(log: Path, tmp_path: Path) -> None:
+    (tmp_path / "cut.mcap").write_bytes(log.read_bytes()[: log.stat().st_size // 2])
+    write_report(tmp_path / "cut.mcap", tmp_path / "cut.html")
+    assert "The log is not whole" in (tmp_path / "cut.html").read_text(encoding="utf-8")
+
+
+def test_an_empty_log_is_a_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="nothing to report"):
+        write_report(write(tmp_path / "empty.mcap", []), tmp_path / "empty.html")
+    assert not (tmp_path / "empty.html").exists()
+
+
+def test_existing_report_is_refused(log: Path, tmp_path: Path) -> None:
+    (tmp_path / "r.html").write_text("precious")
+    with pytest.raises(OutputExistsError):
+        write_report(log, tmp_path / "r.html")
+    assert (tmp_path / "r.html").read_text() == "precious"
