@@ -22,7 +22,7 @@ def frame_bits(length: int) -> int:
 
 def rows() -> list[tuple[str, list[float]]]:
     """Return, by what is sent, the load for every number of pods and bit rate, percent."""
-    layout = cantools.database.load_file(str(FOLDER.parent / "drivers" / "can_pod" / "pod.dbc"))
+    layout = cantools.database.load_file(str(FOLDER.parent / "drivers" / "can" / "pod" / "pod.dbc"))
     bits = {m.name.removeprefix("Pod00_"): frame_bits(m.length) for m in layout.messages}
     house = bits["Status"] * STATUS_HZ + bits["Counters"] * COUNTERS_HZ
     house += bits["Identity"] * IDENTITY_HZ

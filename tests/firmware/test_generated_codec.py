@@ -35,7 +35,7 @@ def test_generated_codec_is_up_to_date(tmp_path: Path) -> None:
 def test_layout_version_is_the_same_everywhere() -> None:
     header = (FIRMWARE / "core" / "pod.h").read_text(encoding="utf-8")
     assert f"#define POD_LAYOUT_VERSION {LAYOUT_VERSION}U" in header
-    layout = (FIRMWARE.parent / "drivers" / "can_pod" / "pod.dbc").read_text(encoding="utf-8")
+    layout = (FIRMWARE.parent / "drivers" / "can" / "pod" / "pod.dbc").read_text(encoding="utf-8")
     assert f'VERSION "{LAYOUT_VERSION}"' in layout
 
 
