@@ -1,0 +1,55 @@
+"""What a newcomer meets first: links that lead somewhere, steps that exist, one version."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tests.pages import PAGES, ROOT, link_targets, read
+
+EXTERNAL = ("http://", "https://", "mailto:")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=str)
+def test_links_of_a_page_lead_somewhere(page: Path) -> None:
+    broken = []
+    for target in link_targets(read(page)):
+        if target.startswith(EXTERNAL):
+            continue
+        path, _, anchor = target.partition("#")
+        place = (ROOT / page).parent / path if path else ROOT / page
+        if not place.exists() or (anchor and anchor not in anchors(place.read_text("utf-8"))):
+            broken.append(target)
+    assert not broken
+
+
+def anchors(text: str) -> set[str]:
+    """The anchors that GitHub gives to a page's headings."""
+    headings = re.findall(r"^#+ (.+)$", text, flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in headings}
+
+
+def test_workflow_runs_every_step_of_ci_and_no_other() -> None:
+    steps = re.findall(r"^make (.+)$", read(Path(".ci/run")), flags=re.MULTILINE)
+    workflow = yaml.safe_load(read(Path(".github/workflows/ci.yml")))
+    (job,) = workflow["jobs"].values()
+    assert job["strategy"]["matrix"]["target"] == steps
+    assert {"run": "make ${{ matrix.target }}"} in job["steps"]
+
+
+def test_issue_forms_are_complete() -> None:
+    forms = sorted((ROOT / ".github/ISSUE_TEMPLATE").glob("*.yml"))
+    for form in (f for f in forms if f.name != "config.yml"):
+        content = yaml.safe_load(form.read_text("utf-8"))
+        assert {"name", "description", "body"} <= set(content), form
+        asked = [item for item in content["body"] if item["type"] != "markdown"]
+        assert len({item["id"] for item in asked}) == len(asked), form
+
+
+def test_one_version_everywhere() -> None:
+    (version,) = re.findall(r'^version = "(.+)"$', read(Path("pyproject.toml")), flags=re.MULTILINE)
+    cited = yaml.safe_load(read(Path("CITATION.cff")))
+    assert cited["version"] == version
+    assert str(cited["date-released"]) in read(Path("CHANGELOG.md"))
+    assert version in read(Path("CHANGELOG.md"))
