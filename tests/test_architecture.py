@@ -10,7 +10,7 @@ PACKAGES = ("drivers", "avionics", "sim_bus")
 PURE = ("avionics/wse", "avionics/pos", "avionics/calibration")
 # Files, tables and pages of studies stand beside the filters they run.
 STUDIES = "avionics.pos.study"
-PURE_FOREIGN = {"numpy", "scipy", "filterpy", "cv2"}
+PURE_FOREIGN = {"numpy", "scipy", "cv2"}
 PURE_OURS = (
     "avionics.errors",
     "avionics.records",

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.wse.ekf import ErrorStateEkf
+from avionics.wse import ekf
 from avionics.wse.gyro_step import GyroStep, stacked
 from avionics.wse.jacobian import derivatives, perturbed
 from avionics.wse.motion import Motion
@@ -85,7 +85,6 @@ class Process:
         self.unseen = slice(self.bias.stop, self.bias.stop + (n if has_unseen else 0))
         self.offset = self.unseen.stop if has_offset else None
         self.size = self.unseen.stop + int(has_offset)
-        self._ekf = ErrorStateEkf(self.size)
         walk = np.zeros(self.size)
         walk[:n] = noise.truncation**2
         walk[self.bias] = noise.bias_walk**2
@@ -203,7 +202,7 @@ class Process:
             for F, Q in zip(
                 *self._transitions(stretch, jacobians, scales(stretch[0].live)), strict=True
             ):
-                P = self._ekf.predict(P, F, Q)
+                P = ekf.predict(P, F, Q)
                 covariances.append(P)
             start = stop
         return covariances

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from avionics.wse import ekf
 from avionics.wse.adaptive_noise import Sighting, Trust, UpdateRules, Verdict
-from avionics.wse.ekf import ErrorStateEkf
 from avionics.wse.markers import MarkerModel, View
 from avionics.wse.motion import Motion
 
@@ -60,7 +60,6 @@ class MarkerUpdate:
         self._offset = offset_index
         self._row_time = row_time
         self._unseen = unseen
-        self._ekf = ErrorStateEkf(size)
 
     @property
     def needs_motion(self) -> bool:
@@ -160,7 +159,7 @@ class MarkerUpdate:
             first = None
             h = H[used].reshape(-1, self._size)
             y = (sighting.pixel - view.pixel)[used].ravel() + h @ (x - x0)
-            dx, P_after, d2 = self._ekf.update(P, y, h, R)
+            dx, P_after, d2 = ekf.update(P, y, h, R)
             moved = np.abs(h @ (x0 + dx - x)).max()
             if np.isnan(nis):
                 nis = d2 / len(y)

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from avionics.wse.ekf import ErrorStateEkf
 from avionics.wse.gyro_step import GyroStep, Regime
 from avionics.wse.process import Process, ProcessNoise
 from avionics.wse.rates import ModalRates
@@ -91,25 +90,3 @@ def test_unseen_rates_fade_and_reach_their_stationary_variance(basis) -> None:
     blind = ModalRates(basis, PODS, np.ones(6)).inverse((True, True)).blind
     expected = blind.diagonal() * np.repeat(LIVE.activity, [3, 2, 1])
     assert_allclose(covariances[-1].diagonal()[6:], expected, rtol=1e-9)
-
-
-def test_eq16_joseph_update_against_the_textbook_form() -> None:
-    rng = np.random.default_rng(5)
-    root = rng.normal(size=(4, 4))
-    P, H, R = root @ root.T, rng.normal(size=(2, 4)), np.diag([0.3, 0.5])
-    y = np.array([0.7, -0.2])
-    S = H @ P @ H.T + R
-    K = P @ H.T @ np.linalg.inv(S)
-    dx, after, nis = ErrorStateEkf(4).update(P, y, H, R)
-    assert_allclose(dx, K @ y, atol=1e-12)
-    assert_allclose(after, (np.eye(4) - K @ H) @ P, atol=1e-12)
-    assert_allclose(after, after.T, rtol=0, atol=0)
-    assert nis == pytest.approx(y @ np.linalg.inv(S) @ y)
-
-
-def test_an_update_starts_from_zero_error_each_time() -> None:
-    ekf = ErrorStateEkf(2)
-    P, H, R = np.eye(2), np.eye(2), np.eye(2)
-    first, _, _ = ekf.update(P, np.ones(2), H, R)
-    second, _, _ = ekf.update(P, np.ones(2), H, R)
-    assert_allclose(first, second)
