@@ -32,9 +32,10 @@ demo: $(VENV)/.installed ## fly 60 s of simulated wing; write log, figures and r
 test: $(VENV)/.installed ## everything that needs no kernel rig
 	$(BIN)/python -m pytest
 
-check: $(VENV)/.installed ## lint, format and types
+check: $(VENV)/.installed ## lint, format, import contracts and types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-logo
 	$(BIN)/mypy
 
 rig-apt: ## install what the uml tier needs

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from avionics.errors import DataSetError
-from avionics.records import FloatArray
 from avionics.wse.attitude import camera_attitude
 from avionics.wse.pinhole import Lens, Pinhole
+
+FloatArray = NDArray[np.float64]
 
 LENS = ("f_x_px", "f_y_px", "c_x_px", "c_y_px", "k1", "k2", "p1", "p2")
 POSE = ("x_m", "y_m", "z_m", "roll_deg", "tilt_deg", "pan_deg")

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics.errors import DataSetError
-from avionics.records import FloatArray
+
+FloatArray = NDArray[np.float64]
 
 PARAMETERS = ("f_x_px", "f_y_px", "c_x_px", "c_y_px", "k1", "k2", "p1", "p2")
 LEAST_BOARDS = 4

@@ -9,17 +9,19 @@ import math
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from avionics.config import Config
 from avionics.pos.attitude import right_jacobian, rotation_from_vector
 from avionics.pos.flexure import markov_flexure
 from avionics.pos.online import GsBank, GyroBelief
-from avionics.records import FloatArray
 from avionics.wse.forecast import Belief
 from avionics.wse.geometry import WingGeometry
 from avionics.wse.gyro_inputs import GyroInputs
 from avionics.wse.kinematics import euler_rate_matrix
 from avionics.wse.settings import FilterSettings
+
+FloatArray = NDArray[np.float64]
 
 # A root IMU that is away for longer is worth an event: as long as for any IMU.
 SILENCE_NS = 250_000_000
