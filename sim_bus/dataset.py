@@ -19,7 +19,7 @@ from avionics.errors import DataSetError
 from sim_bus.buses.factory import generator
 from sim_bus.camera.chessboard import chessboards
 from sim_bus.camera.sim_camera import SimCamera
-from sim_bus.chip.bno055.sensing import ImuErrors, Latch, Sensing
+from sim_bus.chip.sensing import ImuErrors, Latch, Sensing
 from sim_bus.clock import SimClock
 from sim_bus.dataset_yaml import LAB_FROM_BODY, LAB_ORIGIN_M, description
 from sim_bus.rig import imu_grade, make_faults

@@ -22,7 +22,7 @@ from sim_bus.buses.factory import (
 from sim_bus.buses.faults import Fault, FaultPlan, seconds_to_ns
 from sim_bus.camera.sim_camera import SimCamera
 from sim_bus.chip.bno055.chip import SimBno055
-from sim_bus.chip.bno055.sensing import ImuGrade
+from sim_bus.chip.sensing import ImuGrade
 from sim_bus.clock import SimClock
 from sim_bus.realtime import PacedClock
 from sim_bus.wing.build import make_wing

@@ -9,7 +9,8 @@ from can.interfaces.virtual import VirtualBus
 from drivers.clock import Clock, SteadyStamps, read_both_ns
 from sim_bus.buses.faults import FaultPlan, flip_bit_7
 from sim_bus.buses.pod_core import PodCore
-from sim_bus.chip.bno055.chip import ChipSilentError, SimBno055
+from sim_bus.chip.bno055.chip import SimBno055
+from sim_bus.chip.sim_chip import ChipSilentError
 
 LONGEST_SLEEP_NS = 1_000_000_000
 

@@ -10,7 +10,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from sim_bus.chip.bno055.chip import SimBno055
+from sim_bus.chip.sim_chip import SimChip
 
 ChipFault = Literal["brown_out", "config_reset", "page_left", "freeze", "zero"]
 I2cFault = Literal["nak", "stuck_bus", "io_error", "arbitration_lost", "spike", "wrong_chip"]
@@ -106,7 +106,7 @@ class FaultPlan:
             return False
         return fault.probability >= 1 or bool(self.rng.random() < fault.probability)
 
-    def apply_to_chip(self, chip: SimBno055, target: str, t_ns: int) -> None:
+    def apply_to_chip(self, chip: SimChip, target: str, t_ns: int) -> None:
         """Do once what begins: brown-out, reset to CONFIG, page left, frozen or zero data."""
         for index, fault in enumerate(self.faults):
             if (

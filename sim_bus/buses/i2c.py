@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from drivers.clock import Clock
 from sim_bus.buses.faults import FaultPlan, flip_bit_7
-from sim_bus.chip.bno055.chip import ChipSilentError, SimBno055
+from sim_bus.chip.sim_chip import ChipSilentError, SimChip
 
 BLOCK_MAX = 32
 ADDRESS_BYTES = 3
@@ -18,7 +18,7 @@ Place = tuple[int | None, int, int]
 class Wired:
     """One chip on the bus and the name under which faults find it."""
 
-    chip: SimBno055
+    chip: SimChip
     target: str
 
 
@@ -28,7 +28,7 @@ def i2c_error(number: int) -> OSError:
 
 
 class SimI2cBus:
-    """One I2C bus with BNO055 chips and multiplexers.
+    """One I2C bus with chips and multiplexers.
 
     Parameters
     ----------

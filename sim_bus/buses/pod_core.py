@@ -16,7 +16,7 @@ from sim_bus.buses.pod_library import (
     StoreNode,
     load_library,
 )
-from sim_bus.chip.bno055.chip import ChipSilentError
+from sim_bus.chip.sim_chip import ChipSilentError
 
 UID_BYTES = 12
 NODE_NONE = 0xFF

@@ -9,8 +9,9 @@ from collections import deque
 
 from drivers.clock import Clock
 from sim_bus.buses.faults import FaultPlan
-from sim_bus.chip.bno055.chip import ChipSilentError, SimBno055
+from sim_bus.chip.bno055.chip import SimBno055
 from sim_bus.chip.bno055.registers import SYS_TRIGGER
+from sim_bus.chip.sim_chip import ChipSilentError
 
 START, READ, WRITE, ANSWER, STATUS = 0xAA, 0x01, 0x00, 0xBB, 0xEE
 WRITE_DONE, WRITE_REFUSED, WRONG_START, OVERRUN = 0x01, 0x05, 0x06, 0x07

@@ -19,7 +19,7 @@ from sim_bus.buses.faults import Fault, FaultPlan
 from sim_bus.buses.i2c import SimI2cBus, Wired
 from sim_bus.buses.uart import SimSerialPort
 from sim_bus.chip.bno055.chip import SimBno055
-from sim_bus.chip.bno055.sensing import PERFECT, ImuGrade
+from sim_bus.chip.sensing import PERFECT, ImuGrade
 from sim_bus.clock import SimClock
 
 SECOND = 1_000_000_000

@@ -7,7 +7,8 @@ time. Written from the reference manual RM0090, apart from the firmware's own re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from sim_bus.chip.bno055.chip import ChipSilentError, SimBno055
+from sim_bus.chip.bno055.chip import SimBno055
+from sim_bus.chip.sim_chip import ChipSilentError
 
 Now = Callable[[], int]
 

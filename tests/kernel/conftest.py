@@ -5,7 +5,7 @@ import pytest
 
 from drivers.clock import SteadyClock
 from sim_bus.chip.bno055.chip import SimBno055
-from sim_bus.chip.bno055.sensing import ImuGrade
+from sim_bus.chip.sensing import ImuGrade
 
 # Noise and no other errors: without it every reading repeats the last and looks frozen.
 NOISY = ImuGrade(

@@ -10,13 +10,10 @@ import numpy as np
 from sim_bus.chip.bno055 import registers as reg
 from sim_bus.chip.bno055.counts import data_registers
 from sim_bus.chip.bno055.registers import Mode
-from sim_bus.chip.bno055.sensing import ImuErrors, ImuGrade, Latch, Motion, Sensing
+from sim_bus.chip.sensing import ImuErrors, ImuGrade, Latch, Motion, Sensing
+from sim_bus.chip.sim_chip import ChipSilentError
 
 STILL_DPS, STILL_LATCHES = 3.0, 100
-
-
-class ChipSilentError(Exception):
-    """The chip does not answer; the bus turns it into what its driver would see."""
 
 
 class SimBno055:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from sim_bus.chip.bno055 import registers as reg
 from sim_bus.chip.bno055.registers import Mode
-from sim_bus.chip.bno055.sensing import FloatArray, Latch
+from sim_bus.chip.sensing import FloatArray, Latch
 
 
 def counts(value: FloatArray) -> bytes:

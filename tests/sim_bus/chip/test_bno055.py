@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from sim_bus.chip.bno055.chip import ChipSilentError, SimBno055
+from sim_bus.chip.bno055.chip import SimBno055
 from sim_bus.chip.bno055.registers import Mode
-from sim_bus.chip.bno055.sensing import PERFECT, ImuErrors, ImuGrade, Sensing
+from sim_bus.chip.sensing import PERFECT, ImuErrors, ImuGrade, Sensing
+from sim_bus.chip.sim_chip import ChipSilentError
 
 MS = 1_000_000
 AMG, GYRONLY, NDOF = b"\x07", b"\x03", b"\x0c"

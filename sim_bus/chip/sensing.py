@@ -1,7 +1,7 @@
-"""The analog half of the simulated BNO055: from true motion to what the chip latches.
+"""The analog half of every simulated IMU: from true motion to what the chip latches.
 
-Low-pass of second order, noise, zero-rate offset that drifts and warms, scale error and
-misalignment, all in physical units; counts and registers are ``bno055_chip``'s.
+Low-pass filters, noise, zero-rate offset that drifts and warms, scale error and misalignment, all
+in physical units; counts and registers are the chip's.
 """
 
 from dataclasses import dataclass
@@ -145,15 +145,40 @@ class Sensing:
         # Nothing tells when the chip latches: the phase is its own.
         self._power_on_ns = power_on_ns - round(float(rng.random()) * 1e7)
         self._gyro_hz, self._acc_hz, self._data_hz = 32.0, 62.5, 100.0
+        self._orders, self._transport_ns = (2, 2), 0
         self._block: tuple[int, FloatArray, FloatArray, FloatArray] | None = None
         self._filters: tuple[int, FloatArray, FloatArray] | None = None
         self._walk_rad_s, self._walk_index = np.zeros(3), 0
         self.ambient_c = 24.0
 
-    def configure(self, gyro_hz: float, acc_hz: float, data_hz: float = 100.0) -> None:
-        """Set both low-pass corners and the data rate; filters settle anew where one changes."""
-        if (gyro_hz, acc_hz, data_hz) != (self._gyro_hz, self._acc_hz, self._data_hz):
+    def configure(
+        self,
+        gyro_hz: float,
+        acc_hz: float,
+        data_hz: float = 100.0,
+        *,
+        orders: tuple[int, int] = (2, 2),
+        transport_ns: int = 0,
+    ) -> None:
+        """Set the low-passes and the data rate; filters settle anew where one changes.
+
+        Parameters
+        ----------
+        gyro_hz, acc_hz : float
+            Corners of the low-passes (Butterworth), Hz.
+        data_hz : float
+            How often the chip latches, Hz.
+        orders : tuple of int
+            Orders of both low-passes.
+        transport_ns : int
+            Delay of what else lies between sensor and register, the same at all frequencies, ns.
+        """
+        wanted = (gyro_hz, acc_hz, data_hz, orders, transport_ns)
+        if wanted != (
+            self._gyro_hz, self._acc_hz, self._data_hz, self._orders, self._transport_ns,
+        ):  # fmt: skip
             self._gyro_hz, self._acc_hz, self._data_hz = gyro_hz, acc_hz, data_hz
+            self._orders, self._transport_ns = orders, transport_ns
             self._block = self._filters = None
             self._walk_index = 0
 
@@ -200,13 +225,13 @@ class Sensing:
         count = (self._per_block + settle) * n_sub
         ticks = (index - settle - 1) * n_sub + 1 + np.arange(count)
         t_ns = self._power_on_ns + np.rint(ticks * (self._period_ns / n_sub)).astype(np.int64)
-        rate, force, flux = self._motion.sense(t_ns)
+        rate, force, flux = self._motion.sense(t_ns - self._transport_ns)
         rate = rate @ errors.gyro_matrix.T + self._noise(
             count, np.radians(errors.grade.gyro_noise_dps_sqrthz), step_s
         )
         force = force + self._noise(count, errors.grade.acc_noise_m_s2_sqrthz, step_s)
-        rate, gyro_state = self._low_pass(rate, self._gyro_hz, step_s, 1 if continues else None)
-        force, acc_state = self._low_pass(force, self._acc_hz, step_s, 2 if continues else None)
+        rate, gyro_state = self._low_pass(rate, 0, step_s, continues=continues)
+        force, acc_state = self._low_pass(force, 1, step_s, continues=continues)
         self._filters = (index + self._per_block, gyro_state, acc_state)
         at_latch = slice(settle * n_sub + n_sub - 1, None, n_sub)
         flux = flux[at_latch] + errors.mag_offset_t
@@ -223,12 +248,14 @@ class Sensing:
         return np.asarray(sigma * self._rng.standard_normal((count, 3)))
 
     def _low_pass(
-        self, signal: FloatArray, corner_hz: float, step_s: float, state: int | None
+        self, signal: FloatArray, sensor: int, step_s: float, *, continues: bool
     ) -> tuple[FloatArray, FloatArray]:
-        sos, at_rest = _design(min(corner_hz, 0.45 / step_s), 1 / step_s)
+        """Filter the gyro's (0) or the accelerometer's (1) signal; return it and the end state."""
+        corner_hz = (self._gyro_hz, self._acc_hz)[sensor]
+        sos, at_rest = _design(self._orders[sensor], min(corner_hz, 0.45 / step_s), 1 / step_s)
         zi: Any = at_rest * signal[0]
-        if state is not None and self._filters is not None:
-            zi = self._filters[state]
+        if continues and self._filters is not None:
+            zi = self._filters[1 + sensor]
         filtered, zf = sosfilt(sos, signal, axis=0, zi=zi)
         return filtered, zf
 
@@ -248,7 +275,7 @@ class Sensing:
 
 
 @lru_cache(maxsize=64)
-def _design(corner_hz: float, rate_hz: float) -> tuple[FloatArray, FloatArray]:
+def _design(order: int, corner_hz: float, rate_hz: float) -> tuple[FloatArray, FloatArray]:
     """Return the low-pass and its state under a constant input of one."""
-    sos = butter(2, corner_hz, fs=rate_hz, output="sos")
+    sos = butter(order, corner_hz, fs=rate_hz, output="sos")
     return sos, sosfilt_zi(sos)[:, :, None]
