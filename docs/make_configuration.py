@@ -18,7 +18,26 @@ One TOML file decides what flies. Unknown keys are errors. `--set key=value` cha
 run, e.g. `--set estimator.form=paper`. The resolved whole is attached to every log. A top-level
 `calibration = { path = "camera.toml", sha256 = "..." }` names a file whose keys replace these.
 
-This page is made from the types in `avionics/config/model.py`: `python docs/make_configuration.py`.
+A flight carries one wing, `[wing]` with `[[pods]]`, `[[markers]]` and `[camera]` beside it, or
+several of one aircraft: `[[wings]]`, each with these tables within it (see the end of the page).
+
+This page is made from the types in `avionics/config/`: `python docs/make_configuration.py`.
+"""
+
+WINGS = """## `[[wings]]`
+
+Several wings of one aircraft fly in one log: a pipeline each, one clock, and one IMU at the root
+(the pod "root" in a log) whose rates are taken off every wing. A `[[wings]]` holds the keys of
+`[wing]`, `name` being needed, and its own tables: `[[wings.pods]]`, `[[wings.markers]]`,
+`[[wings.truth_markers]]`, `[wings.camera]`, and `calibration` for its camera. Estimator, tracker
+and recorder are shared and stand at the top. Names of wings and of cameras and the ids of pods are
+unique over the flight, marker ids within a wing. `--set wings.left.camera.tilt_deg=-12` changes a
+key of one wing.
+
+A left wing is the right one mirrored in y: its local axes point as the mirrored ones do (x forward,
+y inboard, z down), angles and loads read as a right wing's, and all that is reported in body axes
+(camera, markers, line, truth) has y to the right. Its camera looks along -y at `pan_deg = 180`.
+
 """
 
 
@@ -82,6 +101,7 @@ def page() -> str:
             text = f"{type_text(field.annotation)} | {default_text(field)}"
             lines.append(f"| `{name}` | {text} | {field.description or ''} |")
         lines.append("")
+    lines += [WINGS.rstrip(), ""]
     lines += ["## The packaged example", "", "```toml", default_config_text().rstrip(), "```", ""]
     return "\n".join(lines)
 

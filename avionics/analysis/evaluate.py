@@ -17,7 +17,7 @@ from avionics.analysis.history import (
     read_history,
 )
 from avionics.analysis.mocap_tip import tip_from_markers
-from avionics.config import Config
+from avionics.config import Config, one_wing
 from avionics.errors import RecordingError
 from avionics.recording import LogReader
 from avionics.records import FloatArray
@@ -117,7 +117,8 @@ def evaluate(log: Path) -> Evaluation:
     if history.truth is None:
         msg = f"{log}: holds no truth and no motion capture; there is nothing to compare with"
         raise RecordingError(msg)
-    comparison = Comparison(reader.config, history, history.truth)
+    config = one_wing(reader.config, f"{log}: evaluate")
+    comparison = Comparison(config, history, history.truth)
     if not comparison.t_ns.size:
         msg = (
             f"{log}: estimates and truth have no instant in common after the first "

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from avionics.analysis.tables import Column, Table, tables_of
+from avionics.config import one_wing
 from avionics.errors import AvionicsError, OutputExistsError, RecordingError
 from avionics.recording import LogReader
 
@@ -53,7 +54,8 @@ def export(
     """
     write = _write_csv if table_format == "csv" else _parquet_writer()
     reader = LogReader(log)
-    tables = tables_of(reader.messages(decode_images=False), reader.config)
+    config = one_wing(reader.config, f"{log}: export")
+    tables = tables_of(reader.messages(decode_images=False), config)
     if not tables:
         msg = f"{log}: holds no records; there is nothing to export"
         raise RecordingError(msg)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from avionics.config import Config
+from avionics.config import Config, FlightConfig
 from avionics.errors import AvionicsError
 from avionics.recording import Damage, EncodedFrame, LogReader
 from avionics.records import Event, Health, MarkerTracks
@@ -59,7 +59,7 @@ class LogInfo:
         Its size.
     metadata : dict of str to str
         Versions, clock offset and what the command added.
-    config : Config or None
+    config : Config, WingsConfig or None
         What flew; None if it cannot be read, then ``config_error`` says why.
     config_error : str
         Empty, or why there is no configuration.
@@ -78,7 +78,7 @@ class LogInfo:
     path: Path
     size_bytes: int
     metadata: dict[str, str]
-    config: Config | None
+    config: FlightConfig | None
     config_error: str
     attachments: dict[str, int]
     topics: dict[str, TopicInfo] = field(default_factory=dict)
@@ -178,14 +178,20 @@ def _config_lines(info: LogInfo) -> list[str]:
         return [f"  configuration: {info.config_error}"]
     config = info.config
     form = config.estimator.form
-    wing = config.wing
     return [
-        f"  wing '{wing.name}': span {wing.span_m} m, {len(config.pods)} pods,"
-        f" {len(config.markers)} markers,"
-        f" {'no camera' if config.camera is None else f'camera {config.camera.name!r}'}",
+        *(_wing_line(one) for one in config.wing_configs),
         f"  estimator: {', '.join(config.estimators)}, form '{form}';"
         f" tracker: {config.tracker.name}",
     ]
+
+
+def _wing_line(config: Config) -> str:
+    wing = config.wing
+    return (
+        f"  wing '{wing.name}': span {wing.span_m} m, {len(config.pods)} pods,"
+        f" {len(config.markers)} markers,"
+        f" {'no camera' if config.camera is None else f'camera {config.camera.name!r}'}"
+    )
 
 
 MAX_EVENTS = 20

@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from avionics.analysis.clock_fit import ClockFit, Rates, fit_clocks
-from avionics.config import Config
+from avionics.config import Config, one_wing
 from avionics.errors import JoinError
 from avionics.recording import EncodedFrame, LogReader, LogWriter
 from avionics.recording.attached import CONFIG_TOML
@@ -169,7 +169,7 @@ def _check(flown: LogReader, served: LogReader) -> None:
     if (held := flown.metadata.get("joined_truth")) is not None:
         msg = f"{flown.path}: is joined already, with {held}; give the log of `avionics run`"
         raise JoinError(msg)
-    ours, theirs = flown.config, served.config
+    ours, theirs = (one_wing(log.config, f"{log.path}: join") for log in (flown, served))
     markers = [c.truth_markers or c.markers for c in (ours, theirs)]
     if len(markers[0]) != len(markers[1]):
         msg = (
@@ -189,7 +189,8 @@ def _is_shared(flown: LogReader, served: LogReader) -> bool:
 
 def _fit(flown: LogReader, served: LogReader) -> tuple[ClockFit | None, str]:
     """Return how the rates align the clocks, or None and why they cannot."""
-    lags = {pod.name: _lag_s(flown.config, pod.name) for pod in flown.config.pods}
+    config = one_wing(flown.config, f"{flown.path}: join")
+    lags = {pod.name: _lag_s(config, pod.name) for pod in config.pods}
     expected_ns = served.utc_offset_ns - flown.utc_offset_ns
     try:
         fit = fit_clocks(

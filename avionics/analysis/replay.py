@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
-from avionics.config import Config
+from avionics.config import Config, one_wing
 from avionics.config.load import apply_overrides, parse_config
 from avionics.errors import RecordingError
 from avionics.flight.pipeline import Pipeline
@@ -90,7 +90,8 @@ def replay(
         msg = f"{output}: is the log itself; write the replay to another file"
         raise RecordingError(msg)
     reader = LogReader(log)
-    flown = _configuration(config if config is not None else reader.config, overrides, tracker)
+    own = one_wing(reader.config, f"{log}: replay")
+    flown = _configuration(config if config is not None else own, overrides, tracker)
     has_tracks = next(reader.messages(TRACKS), None) is not None
     metadata = {**reader.metadata, "replayed_from": log.name}
     attachments = {
@@ -119,7 +120,8 @@ def _configuration(config: Config, overrides: tuple[str, ...], tracker: str | No
     pairs = (*overrides, *((f"tracker.name={tracker}",) if tracker else ()))
     if not pairs:
         return config
-    return parse_config(apply_overrides(config.model_dump(mode="json"), pairs), origin="--set")
+    tables = apply_overrides(config.model_dump(mode="json"), pairs)
+    return one_wing(parse_config(tables, origin="--set"), "replay")
 
 
 class _Replay:

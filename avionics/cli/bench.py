@@ -80,6 +80,7 @@ def serve(
     Example: avionics rig serve default --can vcan0 --camera pipe --write-config fly.toml -o t.mcap
     """
     from avionics.cli.configuration import given_or_packaged  # noqa: PLC0415 (start-up)
+    from avionics.config import one_wing  # noqa: PLC0415
     from sim_bus.bench.bench import BenchOptions  # noqa: PLC0415
     from sim_bus.bench.build import open_bench  # noqa: PLC0415
     from sim_bus.bench.client import default_socket  # noqa: PLC0415
@@ -88,7 +89,7 @@ def serve(
     from sim_bus.bench.truth_log import TruthLog  # noqa: PLC0415
     from sim_bus.wing.scenario import load_scenario  # noqa: PLC0415
 
-    config = given_or_packaged(config_path, tuple(overrides or ()))
+    config = one_wing(given_or_packaged(config_path, tuple(overrides or ())), "rig serve")
     flown = load_scenario(scenario)
     truth = claim(output or Path(f"truth-{Path(scenario).stem}-{seed}.mcap"), force=force)
     if write_config is not None:

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from avionics.config import Config
+from avionics.config import FlightConfig
 from avionics.config.load import default_config_text, load_config, parse_config_text
 
 
-def given_or_packaged(path: Path | None, overrides: tuple[str, ...]) -> Config:
+def given_or_packaged(path: Path | None, overrides: tuple[str, ...]) -> FlightConfig:
     """Return the configuration of a file, or the packaged one, with some keys changed.
 
     Raises

@@ -73,6 +73,7 @@ def replay(
     Example: avionics replay sweep.mcap --set estimator.form=paper -o paper.mcap
     """
     from avionics.analysis.replay import replay as replay_log  # noqa: PLC0415
+    from avionics.config import one_wing  # noqa: PLC0415
     from avionics.config.load import load_config  # noqa: PLC0415
 
     read_log_path(log)
@@ -81,7 +82,7 @@ def replay(
         replay_log(
             log,
             output,
-            config=None if config is None else load_config(config),
+            config=None if config is None else one_wing(load_config(config), "replay"),
             overrides=tuple(overrides or ()),
             tracker=tracker,
             retrack=retrack or tracker is not None,

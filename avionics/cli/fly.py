@@ -41,12 +41,13 @@ def run(
 
     Example: avionics run wing.toml --duration 60 -o flight.mcap
     """
+    from avionics.config import one_wing  # noqa: PLC0415 (start-up)
     from avionics.config.load import load_config  # noqa: PLC0415 (start-up)
     from avionics.flight.assemble import open_rig  # noqa: PLC0415 (bus libraries only where needed)
     from avionics.flight.runner import run_live  # noqa: PLC0415 (start-up)
     from avionics.recording import Recorder  # noqa: PLC0415 (start-up)
 
-    config = load_config(config_path, tuple(overrides or ()))
+    config = one_wing(load_config(config_path, tuple(overrides or ())), "run")
     stamp = datetime.now(tz=timezone.utc).strftime("%Y%m%d-%H%M%SZ")
     path = claim(output or Path(f"flight-{stamp}.mcap"), force=force)
     clock = SteadyClock()
@@ -95,12 +96,13 @@ def sim(
     """
     from avionics.analysis.evaluate import SETTLE_S  # noqa: PLC0415 (start-up)
     from avionics.cli.configuration import given_or_packaged  # noqa: PLC0415 (start-up)
+    from avionics.config import one_wing  # noqa: PLC0415 (start-up)
     from avionics.flight.runner import run_live, run_lockstep  # noqa: PLC0415 (start-up)
     from avionics.recording import LogWriter, Recorder  # noqa: PLC0415 (start-up)
     from sim_bus.rig import open_sim_rig  # noqa: PLC0415 (the simulator flies nowhere else)
     from sim_bus.wing.scenario import load_scenario  # noqa: PLC0415
 
-    config = given_or_packaged(config_path, tuple(overrides or ()))
+    config = one_wing(given_or_packaged(config_path, tuple(overrides or ())), "sim")
     flown = load_scenario(scenario)
     length_s = duration if duration is not None else flown.duration_s
     path = claim(output or Path(f"sim-{Path(scenario).stem}-{seed}.mcap"), force=force)
@@ -144,10 +146,11 @@ def doctor(config_path: ConfigArgument) -> None:
     from rich.markup import escape  # noqa: PLC0415 (start-up)
     from rich.table import Table  # noqa: PLC0415 (start-up)
 
+    from avionics.config import one_wing  # noqa: PLC0415 (start-up)
     from avionics.config.load import load_config  # noqa: PLC0415 (start-up)
     from avionics.flight.assemble import probe  # noqa: PLC0415 (start-up)
 
-    findings = probe(load_config(config_path))
+    findings = probe(one_wing(load_config(config_path), "doctor"))
     table = Table(box=None, pad_edge=False)
     for heading in ("", "what", "found", "remedy"):
         table.add_column(heading, overflow="fold")

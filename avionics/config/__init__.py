@@ -3,23 +3,25 @@
 from avionics.config.model import (
     Camera,
     Config,
-    Estimator,
     Marker,
     Pod,
-    Recorder,
-    Tracker,
     Wing,
     stations,
 )
+from avionics.config.shared import Estimator, Recorder, Tracker
+from avionics.config.wings import FlightConfig, WingsConfig, one_wing
 
 __all__ = [
     "Camera",
     "Config",
     "Estimator",
+    "FlightConfig",
     "Marker",
     "Pod",
     "Recorder",
     "Tracker",
     "Wing",
+    "WingsConfig",
+    "one_wing",
     "stations",
 ]

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from avionics.config import Config
+from avionics.config.wings import FlightConfig, flight_config
 from avionics.errors import ConfigError
 
 if sys.version_info >= (3, 11):
@@ -19,7 +19,7 @@ else:
 Tables = dict[str, Any]
 
 
-def parse_config(tables: dict[str, Any], *, origin: str) -> Config:
+def parse_config(tables: dict[str, Any], *, origin: str) -> FlightConfig:
     """Validate nested tables, as a TOML file or a log's attachment holds them.
 
     Raises
@@ -28,7 +28,7 @@ def parse_config(tables: dict[str, Any], *, origin: str) -> Config:
         Naming ``origin``, the key, the value and what was wanted.
     """
     try:
-        return Config.model_validate(tables)
+        return flight_config(tables)
     except ValidationError as error:
         raise ConfigError("\n".join(explain(origin, item) for item in error.errors()[:5])) from None
 
@@ -53,14 +53,14 @@ def explain(origin: str, item: Any) -> str:
     return f"{origin}: {where}: {item['msg'].removeprefix('Value error, ')}{value}"
 
 
-def load_config(path: Path, overrides: tuple[str, ...] = ()) -> Config:
+def load_config(path: Path, overrides: tuple[str, ...] = ()) -> FlightConfig:
     """Read and validate a TOML configuration.
 
     Parameters
     ----------
     path : Path
-        The file. A top-level ``calibration = {path, sha256}`` names a TOML file whose
-        ``[camera]`` keys replace those of this one.
+        The file. ``calibration = {path, sha256}``, at the top or within one of ``[[wings]]``,
+        names a TOML file whose ``[camera]`` keys replace those of this one.
     overrides : tuple of str
         ``key=value`` pairs, e.g. ``estimator.form=paper``.
 
@@ -70,13 +70,14 @@ def load_config(path: Path, overrides: tuple[str, ...] = ()) -> Config:
         If the file is missing, is not TOML, or does not validate.
     """
     tables = read_toml(path)
-    calibration = tables.pop("calibration", None)
-    if calibration is not None:
-        _merge(tables, _read_calibration(path, calibration))
+    for table in (tables, *_wings_of(tables)):
+        calibration = table.pop("calibration", None)
+        if calibration is not None:
+            _merge(table, _read_calibration(path, calibration))
     return parse_config(apply_overrides(tables, overrides), origin=str(path))
 
 
-def parse_config_text(text: str, overrides: tuple[str, ...] = (), *, origin: str) -> Config:
+def parse_config_text(text: str, overrides: tuple[str, ...] = (), *, origin: str) -> FlightConfig:
     """Validate a configuration given as TOML text; see ``load_config``."""
     return parse_config(apply_overrides(tomllib.loads(text), overrides), origin=origin)
 
@@ -100,6 +101,11 @@ def read_toml(path: Path) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         msg = f"{path}: is not valid TOML: {error}"
         raise ConfigError(msg) from error
+
+
+def _wings_of(tables: dict[str, Any]) -> list[dict[str, Any]]:
+    wings = tables.get("wings")
+    return [wing for wing in wings if isinstance(wing, dict)] if isinstance(wings, list) else []
 
 
 def _read_calibration(config_path: Path, entry: Any) -> dict[str, Any]:
@@ -126,6 +132,8 @@ def _merge(base: dict[str, Any], other: dict[str, Any]) -> None:
 def apply_overrides(tables: dict[str, Any], overrides: tuple[str, ...]) -> dict[str, Any]:
     """Return the tables with ``key=value`` pairs applied; values are read as TOML or as text.
 
+    One of several wings is addressed by its name, e.g. ``wings.left.camera.tilt_deg=-12``.
+
     Raises
     ------
     ConfigError
@@ -139,6 +147,8 @@ def apply_overrides(tables: dict[str, Any], overrides: tuple[str, ...]) -> dict[
             raise ConfigError(msg)
         table = result
         *parents, last = key.strip().split(".")
+        if parents[:1] == ["wings"]:
+            table, parents = _wing_named(result, parents, pair), parents[2:]
         for parent in parents:
             child = table.setdefault(parent, {})
             if not isinstance(child, dict):
@@ -149,9 +159,19 @@ def apply_overrides(tables: dict[str, Any], overrides: tuple[str, ...]) -> dict[
     return result
 
 
+def _wing_named(tables: dict[str, Any], parents: list[str], pair: str) -> dict[str, Any]:
+    wings = {str(wing.get("name")): wing for wing in _wings_of(tables)}
+    if len(parents) > 1 and parents[1] in wings:
+        return wings[parents[1]]
+    msg = f"--set {pair}: wants wings.NAME.key=value, with NAME one of {', '.join(wings) or 'none'}"
+    raise ConfigError(msg)
+
+
 def _deep_copy(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _deep_copy(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_deep_copy(item) for item in value]
     return value
 
 

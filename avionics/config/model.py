@@ -1,7 +1,7 @@
 """The validated configuration: what every key means. An unknown key is an error.
 
 Degrees are for people; what leaves through a property is SI and radians. How files become a
-``Config`` is in ``config_file``.
+``Config`` is in ``load``.
 """
 
 import hashlib
@@ -12,12 +12,12 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from avionics.config.links import CameraSource, ImuChip, Link, Section
+from avionics.config.shared import DistributedPos, Estimator, Recorder, Tracker, Vector3
+from avionics.errors import ConfigError
 from avionics.records import FloatArray
 
-Vector3 = tuple[float, float, float]
 Matrix3 = tuple[Vector3, Vector3, Vector3]
 IDENTITY: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-Auto = Literal["auto"]
 
 
 class Pod(Section):
@@ -131,98 +131,9 @@ class Camera(Section):
     """Where pictures come from; not needed for recorded data."""
 
 
-class Estimator(Section):
-    """Which filter runs, and its noises. "auto" follows from pods and markers."""
+class Equipment(Section):
+    """What sits on one wing, and the camera that looks at it."""
 
-    form: Literal["general", "paper"] = "general"
-    """"general" is the best general filter, "paper" exactly the published one."""
-    bending_modes: int | Auto = "auto"
-    """Number; auto follows from pods and markers."""
-    twist_modes: int | Auto = "auto"
-    """Number; auto likewise."""
-    inplane_modes: int | Auto = "auto"
-    """Number of in-plane modes; auto likewise."""
-    basis: Literal["quarter-sine", "linear"] = "quarter-sine"
-    """Mode shapes: quarter sines, or one line phi = slope * s."""
-    linear_slope_per_m: float = Field(default=0.3776, description="basis 'linear': phi = slope*s")
-    bias_states: bool | Auto = "auto"
-    """Whether gyro biases are estimated."""
-    gyro_lag_s: float | Literal["auto", "filter"] = Field(
-        default="auto",
-        description="age of a rate when it is read; filter = sqrt(2)/(2 pi bandwidth) for the "
-        "chip's low-pass, auto = half the period of its registers as well; the paper's form has "
-        "none unless a number is given",
-    )
-    sample_clock: bool | Auto = Field(
-        default="auto",
-        description="recover each pod's clock from jittered stamps; auto = in the general form, "
-        "of pods without a link: our drivers know when a chip measured, a data set may not",
-    )
-    gyro_noise_dps_sqrthz: float = Field(default=0.014, gt=0)
-    """Noise density of the gyros, deg/s/sqrt(Hz)."""
-    bias_sigma_dps: float = Field(default=1.0, gt=0, description="initial one-sigma")
-    bias_walk_rad_s_sqrts: float = Field(default=1e-5, ge=0)
-    """Random walk of the biases, rad/s/sqrt(s)."""
-    truncation_rad_sqrts: float | Auto = "auto"
-    """Noise that stands for the modes left out, rad/sqrt(s)."""
-    time_offset: bool | Auto = Field(
-        default="auto", description="estimate what camera.time_offset_s leaves"
-    )
-    time_offset_sigma_s: float = Field(default=0.02, gt=0, description="initial one-sigma")
-    start_sigma_deg: float = Field(default=15.0, gt=0)
-    """Initial one-sigma of every amplitude, deg."""
-    pixel_sigma_px: float | Auto = Field(default="auto", description="auto = the tracks' own sigma")
-    gate_sigma: float = Field(default=5.0, gt=0, description="per-marker gate, two-dimensional")
-    late_frames: Literal["rewind", "arrival"] = "rewind"
-    """Fuse a late frame at its exposure (rewind) or as if it were new (arrival)."""
-    history_s: float = Field(default=0.6, gt=0, description="oldest frame that can still be used")
-    row_period_s: float = Field(default=0.01, gt=0, description="grid of steps and rows, s")
-    rows_at_once: int = Field(
-        default=10, ge=1, le=50, description="ticks whose rows are made, and written, together"
-    )
-
-
-class Tracker(Section):
-    """How markers are found in the image."""
-
-    name: Literal["led", "csrt", "kcf"] = "led"
-    """Which tracker."""
-    box_px: int = Field(default=24, gt=4, description="side of a correlation tracker's box")
-
-
-class Recorder(Section):
-    """What the log holds and how soon it is on disk."""
-
-    chunk_s: float = Field(default=0.2, gt=0, le=0.3, description="longest time held in memory")
-    chunk_bytes: int = Field(default=262144, gt=0)
-    """Largest chunk, bytes."""
-    fsync_s: float = Field(default=1.0, ge=0, description="0 = never")
-    queue_records: int = Field(default=4096, gt=0)
-    """Records that may wait for the disk."""
-    images: bool = True
-    """Whether pictures are recorded."""
-    image_format: Literal["png", "jpeg"] = "jpeg"
-    """png loses nothing; jpeg is small and quick."""
-    jpeg_quality: int = Field(default=95, ge=1, le=100)
-    """Quality of jpeg."""
-
-
-class DistributedPos(Section):
-    """The Gs filter of the estimator "gs": how the wing flexes about x, y, z of the line."""
-
-    correlation_s: Vector3 = (1.0, 1.0, 1.0)
-    """Correlation times of the second-order Markov flexure, s."""
-    flexure_sigma_deg: Vector3 = (12.0, 6.0, 3.0)
-    """One-sigma of the flexure angles, deg."""
-    misalignment_sigma_deg: float = Field(default=5.0, gt=0)
-    """Initial one-sigma of the constant part of the angles, deg."""
-
-
-class Config(Section):
-    """Everything that decides what flies."""
-
-    wing: Wing
-    """The wing."""
     pods: tuple[Pod, ...] = ()
     """Stations with an IMU."""
     markers: tuple[Marker, ...] = ()
@@ -231,6 +142,24 @@ class Config(Section):
     """Motion-capture markers, for evaluation only."""
     camera: Camera | None = None
     """The camera; absent, only RG-WSE flies."""
+
+    def check_placed(self, span_m: float) -> None:
+        """Raise ``ValueError`` where ids repeat or something sits beyond the span."""
+        for what, items in (("pods", self.pods), ("markers", self.markers)):
+            ids = [item.id for item in items]
+            if len(set(ids)) != len(ids):
+                msg = f"{what}: ids {ids} are not unique"
+                raise ValueError(msg)
+        placed: tuple[Pod | Marker, ...] = (*self.pods, *self.markers, *self.truth_markers)
+        for item in placed:
+            if item.s_m > span_m * (1 + 1e-9):
+                msg = f"s_m = {item.s_m} of id {item.id} lies beyond span_m = {span_m}"
+                raise ValueError(msg)
+
+
+class FlightSettings(Section):
+    """The part of a configuration that stands once for all wings."""
+
     estimator: Estimator = Estimator()
     """The filter."""
     tracker: Tracker = Tracker()
@@ -242,28 +171,61 @@ class Config(Section):
     gs: DistributedPos = DistributedPos()
     """The distributed POS beside the camera-aided filter."""
 
+    @property
+    def wing_configs(self) -> tuple["Config", ...]:
+        """The configuration of each wing, in order: what one pipeline takes."""
+        raise NotImplementedError
+
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        """The cameras of all wings, in order."""
+        found = (config.camera for config in self.wing_configs)
+        return tuple(camera for camera in found if camera is not None)
+
+    def for_wing(self, name: str) -> "Config":
+        """Return the configuration of one wing.
+
+        Raises
+        ------
+        ConfigError
+            If no wing has this name.
+        """
+        for config in self.wing_configs:
+            if config.wing.name == name:
+                return config
+        names = ", ".join(config.wing.name for config in self.wing_configs)
+        msg = f"wing '{name}': the configuration has none of this name; wanted one of {names}"
+        raise ConfigError(msg)
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the resolved configuration."""
+        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
+
+
+class _OneWing(Section):
+    """The table ``[wing]``, which stands first in a file and in a log."""
+
+    wing: Wing
+    """The wing."""
+
+
+class Config(FlightSettings, Equipment, _OneWing):
+    """Everything that decides what flies on one wing."""
+
     @model_validator(mode="after")
     def _is_consistent(self) -> "Config":
-        for what, items in (("pods", self.pods), ("markers", self.markers)):
-            ids = [item.id for item in items]
-            if len(set(ids)) != len(ids):
-                msg = f"{what}: ids {ids} are not unique"
-                raise ValueError(msg)
-        placed: tuple[Pod | Marker, ...] = (*self.pods, *self.markers, *self.truth_markers)
-        for item in placed:
-            if item.s_m > self.wing.span_m * (1 + 1e-9):
-                msg = f"s_m = {item.s_m} of id {item.id} lies beyond span_m = {self.wing.span_m}"
-                raise ValueError(msg)
+        self.check_placed(self.wing.span_m)
         return self
+
+    @property
+    def wing_configs(self) -> tuple["Config", ...]:
+        """A flight of one wing: itself."""
+        return (self,)
 
     @property
     def pod_names(self) -> tuple[str, ...]:
         """Identifiers of the pods, in order."""
         return tuple(pod.name for pod in self.pods)
-
-    def digest(self) -> str:
-        """Return the SHA-256 of the resolved configuration."""
-        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
 
 
 def stations(items: tuple[Pod, ...] | tuple[Marker, ...]) -> FloatArray:

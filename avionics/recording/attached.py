@@ -6,7 +6,7 @@ from typing import Any
 
 import tomli_w
 
-from avionics.config import Config
+from avionics.config import FlightConfig
 
 METADATA_NAME = "avionics"
 CONFIG_JSON = "config.json"
@@ -23,7 +23,7 @@ def software_version() -> str:
 
 
 def log_metadata(
-    config: Config, *, utc_offset_ns: int, extra: Mapping[str, str] | None
+    config: FlightConfig, *, utc_offset_ns: int, extra: Mapping[str, str] | None
 ) -> dict[str, str]:
     """Return the metadata record ``avionics`` of a new log; ``extra`` adds keys, replaces none."""
     return {
@@ -35,7 +35,7 @@ def log_metadata(
     }
 
 
-def config_toml(config: Config) -> str:
+def config_toml(config: FlightConfig) -> str:
     """Return the resolved configuration as TOML that ``avionics run`` takes again."""
     return tomli_w.dumps(_without_none(config.model_dump(mode="json")))
 

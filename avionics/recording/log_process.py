@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
-from avionics.config import Config
+from avionics.config import Config, one_wing
 from avionics.config.load import parse_config
 from avionics.errors import AvionicsError, RecordingError
 from avionics.flight.estimate_rows import RowBatch, RowMaker
@@ -149,7 +149,7 @@ class LogProcess:
 def _write_log(source: BinaryIO) -> None:
     """Write the log that ``source`` describes, until it ends, however that comes about."""
     path, tables, options = pickle.load(source)
-    config = parse_config(tables, origin=str(path))
+    config = one_wing(parse_config(tables, origin=str(path)), str(path))
     offset_ns = options["utc_offset_ns"]
     with LogWriter(path, config, **options) as writer:
         rows = RowWriter(RowMaker(config), writer)

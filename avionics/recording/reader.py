@@ -12,7 +12,7 @@ from google.protobuf.message import DecodeError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-from avionics.config import Config
+from avionics.config import FlightConfig
 from avionics.config.load import parse_config
 from avionics.errors import RecordingError
 from avionics.recording.attached import CONFIG_JSON, METADATA_NAME
@@ -132,7 +132,7 @@ class LogReader:
         )
 
     @cached_property
-    def config(self) -> Config:
+    def config(self) -> FlightConfig:
         """The resolved configuration that flew.
 
         Raises

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from avionics.config import Config
+from avionics.config import FlightConfig
 from avionics.errors import RecordingError, StorageError
 from avionics.recording.images import EncodedFrame
 from avionics.recording.schema.messages import Loggable
@@ -54,7 +54,7 @@ class Recorder:
     ----------
     path : Path
         The log.
-    config : Config
+    config : Config or WingsConfig
         What flies; the recorder section sizes the queue and the chunks.
     utc_offset_ns : int
         UTC minus steady time, ns.
@@ -74,7 +74,7 @@ class Recorder:
     def __init__(
         self,
         path: Path,
-        config: Config,
+        config: FlightConfig,
         *,
         utc_offset_ns: int,
         clock: Clock | None = None,

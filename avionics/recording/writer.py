@@ -8,7 +8,7 @@ from pathlib import Path
 
 from google.protobuf.message import Message
 
-from avionics.config import Config
+from avionics.config import FlightConfig
 from avionics.errors import RecordingError
 from avionics.recording.attached import (
     CONFIG_JSON,
@@ -39,7 +39,7 @@ class LogWriter:
     ----------
     path : Path
         The file; its directory must exist.
-    config : Config
+    config : Config or WingsConfig
         What flies; attached, and the recorder section decides chunks and images.
     utc_offset_ns : int
         UTC minus steady time, ns; one constant per log.
@@ -61,7 +61,7 @@ class LogWriter:
     def __init__(
         self,
         path: Path,
-        config: Config,
+        config: FlightConfig,
         *,
         utc_offset_ns: int = 0,
         metadata: Mapping[str, str] | None = None,

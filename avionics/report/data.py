@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from avionics.analysis.info import LogInfo, read_info
 from avionics.analysis.tables import stacked
-from avionics.config import Config
+from avionics.config import Config, one_wing
 from avionics.errors import RecordingError
 from avionics.recording import LogReader
 from avionics.records import Event, FloatArray, MarkerTracks, Truth, WingShapeEstimate
@@ -180,7 +180,8 @@ def read_flight(path: Path) -> Flight:
         raise RecordingError(msg)
     first: list[ImuSample | WingShapeEstimate] = [*samples[:50], *estimates[:50]]
     origin_ns = min(record.t_ns for record in first)
-    flight = Flight(path, reader.config, read_info(path), origin_ns)
+    config = one_wing(reader.config, f"{path}: report")
+    flight = Flight(path, config, read_info(path), origin_ns)
     for pod in sorted({sample.pod for sample in samples}):
         mine = [sample for sample in samples if sample.pod == pod]
         flight.rates[pod] = _series(mine, [sample.rate_rad_s for sample in mine])

@@ -8,6 +8,7 @@ import numpy as np
 
 from avionics.analysis.evaluate import SETTLE_S, Comparison, Evaluation, evaluate
 from avionics.analysis.history import read_history
+from avionics.config import one_wing
 from avionics.errors import RecordingError
 from avionics.recording import LogReader
 from avionics.report.data import Series
@@ -60,7 +61,8 @@ def read_scores(log: Path) -> Scores:
     history = read_history(reader)
     if history.truth is None or not history.estimates:
         return scores
-    comparison = Comparison(reader.config, history, history.truth, settle_s=0.0)
+    config = one_wing(reader.config, f"{log}: report")
+    comparison = Comparison(config, history, history.truth, settle_s=0.0)
     known = np.isfinite(comparison.tip_m).all(axis=1)
     if known.sum() > 1:
         scores.truth_tip = Series(comparison.t_ns[known], comparison.tip_m[known])

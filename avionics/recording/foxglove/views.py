@@ -20,7 +20,7 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from avionics.config import Camera, Config, stations
+from avionics.config import Camera, Config, FlightConfig, stations
 from avionics.recording.foxglove.colours import COLOURS
 from avionics.recording.foxglove.overlay import KINDS, Overlay
 from avionics.recording.schema.messages import NANOSECONDS, Loggable, camera_frame, to_timestamp
@@ -37,21 +37,25 @@ class FoxgloveViews:
 
     Parameters
     ----------
-    config : Config
-        Wing, markers and camera.
+    config : Config or WingsConfig
+        Wings, markers and cameras.
     utc_offset_ns : int
         UTC minus steady time, ns.
     """
 
-    def __init__(self, config: Config, *, utc_offset_ns: int) -> None:
-        self._config = config
+    def __init__(self, config: FlightConfig, *, utc_offset_ns: int) -> None:
+        self._cameras = config.cameras
         self._utc_offset_ns = utc_offset_ns
         self._has_begun = False
-        self._drawn_ns: dict[str, int] = {}
-        self._scenes: dict[str, _Scene] = {}
-        self._overlay = Overlay(utc_offset_ns=utc_offset_ns)
-        placed = sorted({*stations(config.pods), *stations(config.markers)})
-        self._stations = np.array([*placed, config.wing.span_m]) / config.wing.span_m
+        configs = config.wing_configs
+        wings = [_WingViews(each, utc_offset_ns=utc_offset_ns) for each in configs]
+        self._first = wings[0]
+        self._by_wing = {each.wing.name: wing for each, wing in zip(configs, wings, strict=True)}
+        self._by_camera = {
+            each.camera.name: wing
+            for each, wing in zip(configs, wings, strict=True)
+            if each.camera is not None
+        }
 
     def of(self, record: Loggable, arrival_ns: int) -> Views:
         """Return topic and message of every view that this record calls for.
@@ -64,6 +68,41 @@ class FoxgloveViews:
         return self._moving(record)
 
     def _moving(self, record: Loggable) -> Views:
+        if isinstance(record, WingShapeEstimate | Truth):
+            return self._by_wing.get(record.wing, self._first).of(record)
+        if isinstance(record, MarkerTracks):
+            return self._by_camera.get(record.camera, self._first).of(record)
+        return []
+
+    def _still_life(self, arrival_ns: int) -> Views:
+        """Draw what does not move: z-down body axes under a z-up world, and the cameras."""
+        stamp = to_timestamp(arrival_ns + self._utc_offset_ns)
+        half_turn = Quaternion(x=1.0)
+        body = FrameTransform(
+            timestamp=stamp, parent_frame_id="world", child_frame_id="body", rotation=half_turn
+        )
+        views: Views = [("/tf", body)]
+        for camera in self._cameras:
+            views += [
+                (f"/camera/{camera.name}/calibration", _calibration(camera, stamp)),
+                ("/tf", _camera_pose(camera, stamp)),
+            ]
+        return views
+
+
+class _WingViews:
+    """Draws one wing, in space and in the pictures of its camera."""
+
+    def __init__(self, config: Config, *, utc_offset_ns: int) -> None:
+        self._utc_offset_ns = utc_offset_ns
+        self._drawn_ns: dict[str, int] = {}
+        self._scenes: dict[str, _Scene] = {}
+        self._overlay = Overlay(utc_offset_ns=utc_offset_ns)
+        placed = sorted({*stations(config.pods), *stations(config.markers)})
+        self._stations = np.array([*placed, config.wing.span_m]) / config.wing.span_m
+
+    def of(self, record: WingShapeEstimate | Truth | MarkerTracks) -> Views:
+        """Return topic and message of the views of a record."""
         if isinstance(record, WingShapeEstimate):
             if record.kind in KINDS:
                 self._overlay.note(record)
@@ -72,27 +111,11 @@ class FoxgloveViews:
                 return self._wing(record, record.kind, line_m, self._dots(line_m))
         elif isinstance(record, MarkerTracks):
             return [(f"/camera/{record.camera}/annotations", self._overlay.of(record))]
-        elif isinstance(record, Truth) and self._is_due("truth", record.t_ns):
+        elif self._is_due("truth", record.t_ns):
             line_m = NO_LINE if record.line_in_body_m is None else record.line_in_body_m
             seen_m = record.marker_in_body_m
             return self._wing(record, "truth", line_m, seen_m[np.isfinite(seen_m).all(axis=1)])
         return []
-
-    def _still_life(self, arrival_ns: int) -> Views:
-        """Draw what does not move: z-down body axes under a z-up world, and the camera."""
-        stamp = to_timestamp(arrival_ns + self._utc_offset_ns)
-        half_turn = Quaternion(x=1.0)
-        body = FrameTransform(
-            timestamp=stamp, parent_frame_id="world", child_frame_id="body", rotation=half_turn
-        )
-        camera = self._config.camera
-        if camera is None:
-            return [("/tf", body)]
-        return [
-            ("/tf", body),
-            (f"/camera/{camera.name}/calibration", _calibration(camera, stamp)),
-            ("/tf", _camera_pose(camera, stamp)),
-        ]
 
     def _is_due(self, kind: str, t_ns: int) -> bool:
         """Return whether a wing was not drawn just now."""

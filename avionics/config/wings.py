@@ -1,0 +1,112 @@
+"""A flight of several wings: ``[[wings]]``, each with its pods, markers and camera, in one log.
+
+The short form for one wing, ``[wing]`` with its tables beside it, is ``Config``.
+"""
+
+from collections.abc import Iterable
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from avionics.config.model import Config, Equipment, FlightSettings, Pod, Wing
+from avionics.errors import ConfigError
+
+SHORT_FORM = ("wing", *Equipment.model_fields)
+"""Tables that stand at the top of a file for one wing, and within ``[[wings]]`` for several."""
+
+
+class FlownWing(Equipment, Wing):
+    """One of several wings. Pods, markers and camera stand in its own tables."""
+
+    name: str = Field(pattern="^[^/]+$")
+    """Name in topics and records; unique."""
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> "FlownWing":
+        self.check_placed(self.span_m)
+        return self
+
+
+class WingsConfig(FlightSettings):
+    """Everything that decides what flies on several wings of one aircraft."""
+
+    wings: Annotated[tuple[FlownWing, ...], Field(min_length=1)]
+    """The wings."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _is_one_form(cls, tables: Any) -> Any:
+        beside = [key for key in SHORT_FORM if isinstance(tables, dict) and key in tables]
+        if beside:
+            msg = (
+                f"[{beside[0]}] stands beside [[wings]]; each of several wings has its own: move "
+                f"it into the [[wings]] that it belongs to"
+            )
+            raise ValueError(msg)
+        return tables
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> "WingsConfig":
+        _unique("wings", "name", (wing.name for wing in self.wings))
+        _unique("pods of all wings", "id", (pod.id for pod in self.pods))
+        _unique("cameras", "name", (wing.camera.name for wing in self.wings if wing.camera))
+        return self
+
+    @property
+    def wing_configs(self) -> tuple[Config, ...]:
+        """The configuration of each wing, in order: what one pipeline takes."""
+        shared = {name: getattr(self, name) for name in FlightSettings.model_fields}
+        return tuple(
+            Config(
+                wing=Wing(**{name: getattr(wing, name) for name in Wing.model_fields}),
+                **{name: getattr(wing, name) for name in Equipment.model_fields},
+                **shared,
+            )
+            for wing in self.wings
+        )
+
+    @property
+    def pods(self) -> tuple[Pod, ...]:
+        """The pods of all wings, in order."""
+        return tuple(pod for wing in self.wings for pod in wing.pods)
+
+
+FlightConfig = Config | WingsConfig
+"""What a file or a log describes: one wing, or several."""
+
+
+def flight_config(tables: dict[str, Any]) -> FlightConfig:
+    """Validate nested tables; one ``[[wings]]`` is the same flight as ``[wing]``.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        Where a key is wrong.
+    """
+    if "wings" not in tables:
+        return Config.model_validate(tables)
+    several = WingsConfig.model_validate(tables)
+    return several.wing_configs[0] if len(several.wings) == 1 else several
+
+
+def one_wing(config: FlightConfig, what: str) -> Config:
+    """Return the configuration of the only wing.
+
+    Raises
+    ------
+    ConfigError
+        If there are several; the message begins with ``what``, which takes one.
+    """
+    if isinstance(config, Config):
+        return config
+    names = ", ".join(wing.name for wing in config.wings)
+    msg = f"{what} takes one wing, the configuration has [[wings]] {names}; give it a [wing]"
+    raise ConfigError(msg)
+
+
+def _unique(what: str, key: str, values: Iterable[int | str]) -> None:
+    found = list(values)
+    if len(set(found)) != len(found):
+        shown = ", ".join(str(value) for value in found)
+        msg = f"{what}: every {key} must be unique, found {shown}"
+        raise ValueError(msg)
