@@ -10,10 +10,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from avionics.errors import RecordingError
+from avionics.kinds import EstimateKind
 from drivers.events import Event
+from drivers.samples import Frame
 
 __all__ = [
-    "EstimateKind",
+    "EncodedFrame",
     "Event",
     "FloatArray",
     "Health",
@@ -24,7 +27,48 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
-EstimateKind = Literal["rg", "crg", "filtered", "smoothed", "gs"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EncodedFrame:
+    """One compressed image, as the log holds it; decoded only when someone looks at it.
+
+    Attributes
+    ----------
+    t_ns : int
+        Middle of the exposure, ns of the steady clock.
+    camera : str
+        Name of the camera.
+    index : int
+        Frame number of the source.
+    format : str
+        "png" or "jpeg".
+    data : bytes
+        The compressed picture.
+    """
+
+    t_ns: int
+    camera: str
+    index: int
+    format: str
+    data: bytes
+
+    def decode(self) -> Frame:
+        """Return the frame with its pixels.
+
+        Raises
+        ------
+        RecordingError
+            If the bytes are no image.
+        """
+        import cv2  # noqa: PLC0415 (most readers of a log look at no picture)
+
+        packed = np.frombuffer(self.data, dtype=np.uint8)
+        image = cv2.imdecode(packed, cv2.IMREAD_UNCHANGED) if packed.size else None
+        if image is None:
+            msg = f"camera {self.camera}: frame {self.index} holds no readable {self.format} image"
+            raise RecordingError(msg)
+        return Frame(self.t_ns, self.camera, self.index, np.asarray(image, dtype=np.uint8))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,8 +114,7 @@ class WingShapeEstimate:
     wing : str
         Name of the wing.
     kind : str
-        "rg" gyros alone; "crg" camera-aided, as flown on the 10 ms grid; "filtered" at each
-        frame's exposure, after its update; "smoothed"; "gs" distributed POS.
+        One of ``avionics.kinds``.
     basis : str
         Identifier of the mode basis, e.g. ``quarter-sine/3+1+1``.
     phi_rad, theta_rad, psi_rad : ndarray, shapes (N,), (Nt,), (Np,)

@@ -2,20 +2,32 @@
 
 from typing import Protocol
 
-from avionics.records import Event, Health, MarkerTracks, Truth, WingShapeEstimate
+from avionics.records import (
+    EncodedFrame,
+    Event,
+    Health,
+    MarkerTracks,
+    Truth,
+    WingShapeEstimate,
+)
 from drivers.samples import Frame, ImuSample
 
-Record = ImuSample | Frame | MarkerTracks | WingShapeEstimate | Health | Event | Truth
+Record = (
+    ImuSample | Frame | EncodedFrame | MarkerTracks | WingShapeEstimate | Health | Event | Truth
+)
 
 HEALTH = "/health"
 EVENT = "/event"
 
 
 class Sink(Protocol):
-    """Takes records in pipeline order: the recorder, the live server, a list in memory."""
+    """Takes records in pipeline order: the recorder, the live server, a list in memory.
 
-    def write(self, topic: str, record: Record, t_ns: int, arrival_ns: int) -> None:
-        """Take one record that was true at ``t_ns`` and arrived at ``arrival_ns``."""
+    Topic (``topic_of``) and time (``record.t_ns``) follow from the record.
+    """
+
+    def write(self, record: Record, arrival_ns: int) -> None:
+        """Take one record that arrived at ``arrival_ns``."""
         ...
 
 
@@ -24,7 +36,7 @@ def topic_of(record: Record) -> str:
     match record:
         case ImuSample():
             topic = f"/imu/{record.pod}"
-        case Frame():
+        case Frame() | EncodedFrame():
             topic = f"/camera/{record.camera}/image"
         case MarkerTracks():
             topic = f"/camera/{record.camera}/tracks"

@@ -125,7 +125,7 @@ def configuration(motion: Motion, estimator: Estimator) -> Config:
 
 
 class Kept(list):
-    def write(self, topic, record, t_ns, arrival_ns) -> None:
+    def write(self, record, arrival_ns) -> None:
         if isinstance(record, WingShapeEstimate):
             self.append(record)
 

@@ -61,7 +61,7 @@ def tell_per_marker(name: str, busy_s: float) -> None:
 class Nowhere:
     """A sink that keeps nothing."""
 
-    def write(self, topic: str, record: object, t_ns: int, arrival_ns: int) -> None:
+    def write(self, record: object, arrival_ns: int) -> None:
         """Drop a record."""
 
 

@@ -11,17 +11,14 @@ import numpy as np
 from avionics.analysis.clock_fit import ClockFit, Rates, fit_clocks
 from avionics.config import Config, one_wing
 from avionics.errors import JoinError
-from avionics.recording import EncodedFrame, LogReader, LogWriter
+from avionics.recording import LogReader, LogWriter
 from avionics.recording.attached import CONFIG_TOML
-from avionics.records import Event, Health, MarkerTracks, Truth, WingShapeEstimate
-from avionics.topics import topic_of
+from avionics.records import Event, Truth
+from avionics.topics import Record
 from drivers.bno055.registers import MODE_BY_NAME, filter_delay_s, register_age_s
-from drivers.samples import Frame, ImuSample
+from drivers.samples import ImuSample
 
 Alignment = Literal["auto", "shared", "rates"]
-Loggable = (
-    ImuSample | Frame | EncodedFrame | MarkerTracks | WingShapeEstimate | Truth | Health | Event
-)
 ROLE: Final = "truth"
 MARGIN_NS: Final = 500_000_000
 TRUTH_CONFIG: Final = "truth-config.toml"
@@ -249,13 +246,13 @@ def _merge(flown: LogReader, served: LogReader, fit: ClockFit, writer: LogWriter
         raise JoinError(msg)
     span = (first_ns - MARGIN_NS, last_ns + MARGIN_NS)
 
-    def of_flight() -> Iterator[tuple[int, int, str, Loggable]]:
+    def of_flight() -> Iterator[tuple[int, int, Record]]:
         for message in flown.messages(decode_images=False):
-            yield message.arrival_ns, 0, message.topic, message.record
+            yield message.arrival_ns, 0, message.record
 
     count = 0
 
-    def of_truth() -> Iterator[tuple[int, int, str, Loggable]]:
+    def of_truth() -> Iterator[tuple[int, int, Record]]:
         latest_ns = span[0]
         for message in served.messages(["/wing/*/truth", "/event"]):
             record = message.record
@@ -263,13 +260,13 @@ def _merge(flown: LogReader, served: LogReader, fit: ClockFit, writer: LogWriter
                 t_ns = fit.flight_ns(record.t_ns)
                 if span[0] <= t_ns <= span[1]:
                     latest_ns = max(latest_ns, t_ns)
-                    yield latest_ns, 1, topic_of(record), replace(record, t_ns=t_ns)
+                    yield latest_ns, 1, replace(record, t_ns=t_ns)
 
     ordered = heapq.merge(of_flight(), of_truth(), key=lambda entry: entry[:2])
-    for arrival_ns, _, topic, record in ordered:
+    for arrival_ns, _, record in ordered:
         if isinstance(record, Truth):
             count += 1
-        writer.write(topic, record, record.t_ns, arrival_ns)
+        writer.write(record, arrival_ns)
     if count == 0:
         msg = f"{served.path}: holds no truth of the time of {flown.path}"
         raise JoinError(msg)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, Literal
 
 from avionics.config import Config, one_wing
 from avionics.config.load import apply_overrides, parse_config
@@ -12,7 +12,6 @@ from avionics.flight.pipeline import Pipeline
 from avionics.recording import EncodedFrame, LogReader, appearing_whole
 from avionics.recording.log_process import LogProcess
 from avionics.records import Event, Health, MarkerTracks, Truth
-from avionics.topics import topic_of
 from drivers.samples import Frame, ImuSample
 
 if TYPE_CHECKING:
@@ -160,22 +159,16 @@ class _Replay:
                 if not self._track:
                     self._pipeline.on_tracks(record, arrival_ns)
             case Truth():
-                self._copy(record, arrival_ns)
+                self._pipeline.pass_on(record, arrival_ns)
             case Health() | Event():
                 if not record.source.startswith(REMADE):
-                    self._copy(record, arrival_ns)
+                    self._pipeline.pass_on(record, arrival_ns)
             case _:
                 pass
 
-    def _copy(self, record: Truth | Health | Event, arrival_ns: int) -> None:
-        self._pipeline.pass_on(topic_of(record), record, arrival_ns)
-
     def _on_frame(self, frame: EncodedFrame | Frame, arrival_ns: int) -> None:
         if self._images:
-            # A compressed picture stands in the log for the frame that it is.
-            self._pipeline.pass_on(
-                f"/camera/{frame.camera}/image", cast("Frame", frame), arrival_ns
-            )
+            self._pipeline.pass_on(frame, arrival_ns)
         else:
             self._pipeline.advance(arrival_ns)
         if not self._track:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics.config import Config
+from avionics.kinds import FILTERED
 from avionics.recording import EncodedFrame, LoggedRecord
 from avionics.records import Event, FloatArray, Health, MarkerTracks, Truth, WingShapeEstimate
 from drivers.samples import Frame, ImuSample
@@ -164,7 +165,7 @@ def _estimate(items: Items, config: Config) -> dict[str, Columns]:
     columns |= {f"{name}_sigma": sigmas.get(name, nothing) for name in values}
     kind = estimates[0].kind
     tables = {f"estimate_{kind}": columns}
-    if kind == "filtered":
+    if kind == FILTERED:
         tables["innovations"] = _innovations(items, estimates, markers)
     return tables
 

@@ -20,7 +20,7 @@ from avionics.datasets.format import DataSet, read_data_set
 from avionics.errors import DataSetError
 from avionics.recording import LogWriter, appearing_whole
 from avionics.records import Event, Truth
-from avionics.topics import Record, topic_of
+from avionics.topics import Record
 from drivers.bno055.registers import filter_delay_s
 from drivers.samples import Frame, ImuSample
 
@@ -133,7 +133,7 @@ def import_set(
             key=lambda event: (event[0], event[1]),
         ):  # fmt: skip
             start_ns, last_ns = start_ns or arrival_ns, arrival_ns
-            writer.write(topic_of(record), record, record.t_ns, arrival_ns)
+            writer.write(record, arrival_ns)
             kind = type(record).__name__
             summary.counts[kind] = summary.counts.get(kind, 0) + 1
             if progress is not None:
@@ -141,7 +141,7 @@ def import_set(
         summary.notes += data.skips.texts()
         for note in summary.notes:
             event = Event(last_ns, IMPORTER, "warning", note)
-            writer.write(topic_of(event), event, last_ns, last_ns)
+            writer.write(event, last_ns)
     return summary
 
 

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics.config import Config
-from avionics.records import EstimateKind, WingShapeEstimate
+from avionics.kinds import CRG, FILTERED, RG, EstimateKind
+from avionics.records import WingShapeEstimate
 from avionics.wse.adaptive_noise import NO_VERDICT, Verdict
 from avionics.wse.forecast import (
     Belief,
@@ -164,7 +165,7 @@ class RowMaker:
             if batch.seen is None:
                 return [], []
             fused, labels = batch.seen
-            return [], self._records("filtered", fused, self._model.stack(fused.x[:, :n]), labels)
+            return [], self._records(FILTERED, fused, self._model.stack(fused.x[:, :n]), labels)
         outlooks, labels = batch.ticks
         count = len(labels.t_ns)
         rg, crg = self._extrapolation.beliefs(outlooks)
@@ -176,11 +177,11 @@ class RowMaker:
         else:
             every = self._model.stack(np.concatenate([q_rg @ self._embed, q]))
             views_rg, views = every[:count].in_basis(self._embed), every[count:]
-        rows_rg = self._records("rg", rg, views_rg, _unaided(labels.t_ns, labels.full))
-        rows_crg = self._records("crg", crg, views[:count], labels)
+        rows_rg = self._records(RG, rg, views_rg, _unaided(labels.t_ns, labels.full))
+        rows_crg = self._records(CRG, crg, views[:count], labels)
         rows_seen = []
         if batch.seen is not None:
-            rows_seen = self._records("filtered", batch.seen[0], views[count:], batch.seen[1])
+            rows_seen = self._records(FILTERED, batch.seen[0], views[count:], batch.seen[1])
         return list(zip(rows_rg, rows_crg, strict=True)), rows_seen
 
     def single(self, t_ns: int, kind: EstimateKind, belief: Belief) -> WingShapeEstimate:
@@ -193,7 +194,7 @@ class RowMaker:
         self, kind: EstimateKind, belief: Belief, view: View, labels: Labels
     ) -> list[WingShapeEstimate]:
         """Return the records of stacked beliefs and their views."""
-        basis = self._paper if kind == "rg" else self._model.basis
+        basis = self._paper if kind == RG else self._model.basis
         n, pods, rows, x = basis.count, self._pods, len(labels.t_ns), belief.x
         sigma = np.sqrt(belief.P.diagonal(axis1=1, axis2=2))
         slopes = np.concatenate([view.pixel_by_q.reshape(rows, -1, n), view.tip_by_q], axis=1)
@@ -203,7 +204,7 @@ class RowMaker:
         pixel, pixel_sigma = view.pixel.copy(), spread[:, :-3].reshape(rows, -1, 2)
         pixel[unseen] = np.nan
         pixel_sigma[unseen] = np.nan
-        has_bias = self._has_bias and kind != "rg" and pods > 0
+        has_bias = self._has_bias and kind != RG and pods > 0
         size = n + 3 * pods if has_bias else n
         if has_bias:
             bias = x[:, n:size].reshape(rows, pods, 3) * self._bias_signs
@@ -211,7 +212,7 @@ class RowMaker:
         else:
             bias = bias_sigma = np.broadcast_to(self._no_bias, (rows, pods, 3))
         phi, theta, psi = basis.phi, basis.theta, basis.psi
-        name = self._paper_name if kind == "rg" else self._name
+        name = self._paper_name if kind == RG else self._name
         none_used = np.zeros(pixel.shape[1], dtype=bool)
         return [
             WingShapeEstimate(

@@ -4,7 +4,7 @@ from collections import defaultdict
 from typing import Literal
 
 from avionics.records import Event, Health
-from avionics.topics import EVENT, HEALTH, Sink
+from avionics.topics import Sink
 
 Level = Literal["info", "warning", "error"]
 
@@ -46,9 +46,8 @@ class HealthLog:
             return
         self._due_ns = (now_ns // self._period_ns + 1) * self._period_ns
         for source, counters in self._counters.items():
-            record = Health(now_ns, source, dict(counters))
-            self._sink.write(HEALTH, record, now_ns, now_ns)
+            self._sink.write(Health(now_ns, source, dict(counters)), now_ns)
 
     def tell(self, source: str, level: Level, message: str, now_ns: int) -> None:
         """Write an event."""
-        self._sink.write(EVENT, Event(now_ns, source, level, message), now_ns, now_ns)
+        self._sink.write(Event(now_ns, source, level, message), now_ns)

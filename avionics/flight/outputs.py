@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from avionics.flight.estimate_rows import RowBatch, RowMaker, Seen, Tick, row_batch
-from avionics.topics import Record, Sink, topic_of
+from avionics.topics import Record, Sink
 
 
 class Slot(NamedTuple):
@@ -23,8 +23,8 @@ class Slot(NamedTuple):
     now_ns: int
 
 
-Item = Slot | tuple[str, Record, int, int]
-"""Rows that are still to be made, or a record with topic, time and arrival."""
+Item = Slot | tuple[Record, int]
+"""Rows that are still to be made, or a record and its arrival, ns."""
 
 
 @runtime_checkable
@@ -58,7 +58,7 @@ class RowWriter:
         for item in items:
             if isinstance(item, Slot):
                 for row in next(pairs) if item.is_tick else (next(singles),):
-                    self._sink.write(topic_of(row), row, item.t_ns, item.now_ns)
+                    self._sink.write(row, item.now_ns)
             else:
                 self._sink.write(*item)
 
@@ -85,9 +85,9 @@ class Outbox:
         self._ticks: list[Tick] = []
         self._seen: list[Seen] = []
 
-    def write(self, topic: str, record: Record, t_ns: int, arrival_ns: int) -> None:
+    def write(self, record: Record, arrival_ns: int) -> None:
         """Take a record."""
-        self._items.append((topic, record, t_ns, arrival_ns))
+        self._items.append((record, arrival_ns))
         if not self._ticks and not self._seen:
             self.flush()
 
@@ -108,3 +108,22 @@ class Outbox:
         items, ticks, seen = self._items, self._ticks, self._seen
         self._items, self._ticks, self._seen = [], [], []
         self._sink.take(row_batch(ticks, seen), items)
+
+
+class FanOut:
+    """A sink that hands every record to several others, in the order in which they are given.
+
+    Parameters
+    ----------
+    sinks : sequence of Sink
+        The recorder, a live view, an output to a bus, ...; none of them may block or raise
+        because of its own trouble: the next ones would go without the record.
+    """
+
+    def __init__(self, sinks: Sequence[Sink]) -> None:
+        self._sinks = tuple(sinks)
+
+    def write(self, record: Record, arrival_ns: int) -> None:
+        """Hand one record that arrived at ``arrival_ns`` to every sink."""
+        for sink in self._sinks:
+            sink.write(record, arrival_ns)

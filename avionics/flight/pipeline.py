@@ -10,8 +10,9 @@ from avionics.flight.estimate_rows import ROWS_PER_COVARIANCE, RowMaker, Seen, T
 from avionics.flight.health import HealthLog
 from avionics.flight.imu_channel import ImuChannel
 from avionics.flight.outputs import BatchSink, Outbox, RowWriter
+from avionics.kinds import GS
 from avionics.records import MarkerPrediction, MarkerTracks
-from avionics.topics import Record, Sink, topic_of
+from avionics.topics import Record, Sink
 from avionics.wse.adaptive_noise import NO_VERDICT, Sighting, Verdict
 from avionics.wse.fusion import WingFusion
 from avionics.wse.gyro_inputs import GyroInputs
@@ -92,7 +93,7 @@ class Pipeline:
     def on_imu(self, sample: ImuSample, arrival_ns: int) -> None:
         """Take one sample of a pod or of the root."""
         self._catch_up(arrival_ns, before=True)
-        self._sink.write(topic_of(sample), sample, sample.t_ns, arrival_ns)
+        self._sink.write(sample, arrival_ns)
         channel = self._channel(sample.pod)
         if channel is None:
             self._health.count(f"pod {sample.pod}", "unknown")
@@ -132,7 +133,7 @@ class Pipeline:
     def on_tracks(self, tracks: MarkerTracks, arrival_ns: int) -> None:
         """Take the markers of one frame, as late and out of order as they come."""
         self._catch_up(arrival_ns, before=True)
-        self._sink.write(topic_of(tracks), tracks, tracks.t_ns, arrival_ns)
+        self._sink.write(tracks, arrival_ns)
         found = tracks.found & np.isfinite(tracks.pixel).all(axis=1)
         self._health.count(self._camera, "frames")
         self._health.count(self._camera, "markers_found", int(found.sum()))
@@ -179,10 +180,10 @@ class Pipeline:
             message = f"shape found again from {int(verdict.used.sum())} markers that agree"
             self._health.tell(ESTIMATOR, "warning", message, now_ns)
 
-    def pass_on(self, topic: str, record: Record, arrival_ns: int) -> None:
+    def pass_on(self, record: Record, arrival_ns: int) -> None:
         """Write a record that the filter has no use for, in its place among the others."""
         self._catch_up(arrival_ns, before=False)
-        self._sink.write(topic, record, record.t_ns, arrival_ns)
+        self._sink.write(record, arrival_ns)
 
     def advance(self, arrival_ns: int) -> None:
         """Emit every row that is due up to ``arrival_ns``, that instant included."""
@@ -231,8 +232,7 @@ class Pipeline:
         belief = gs.row(tick_ns)
         if belief is None:
             return
-        row = self._rows.single(tick_ns, "gs", belief)
-        self._sink.write(topic_of(row), row, tick_ns, tick_ns)
+        self._sink.write(self._rows.single(tick_ns, GS, belief), tick_ns)
 
     def predict_markers(self, t_ns: int) -> MarkerPrediction:
         """Return where the markers are expected in a frame exposed at ``t_ns``.

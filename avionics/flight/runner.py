@@ -16,7 +16,7 @@ from avionics.config import Config
 from avionics.flight.pipeline import Pipeline
 from avionics.flight.rig import Rig
 from avionics.records import Event, Health, MarkerPrediction, MarkerTracks, Truth
-from avionics.topics import Record, Sink, topic_of
+from avionics.topics import Record, Sink
 from avionics.tracking import Tracker, make_tracker
 from drivers.errors import DriverError
 from drivers.interfaces import Reporting, Source
@@ -48,7 +48,7 @@ class Flight:
         elif isinstance(record, MarkerTracks):
             self._pipeline.on_tracks(record, arrival_ns)
         else:
-            self._pipeline.pass_on(topic_of(record), record, arrival_ns)
+            self._pipeline.pass_on(record, arrival_ns)
 
     def predict(self, frame: Frame) -> MarkerPrediction:
         """Return where the filter expects the markers in a frame."""

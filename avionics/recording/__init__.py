@@ -1,12 +1,12 @@
 """The log: MCAP with protobuf, safe from a kill, read back record by record."""
 
-from avionics.recording.images import EncodedFrame
 from avionics.recording.mcap.logfile import appearing_whole, refuse_existing
 from avionics.recording.mcap.scan import Damage
 from avionics.recording.reader import LoggedRecord, LogReader
 from avionics.recording.recorder import Recorder
 from avionics.recording.recover import Recovery, recover
 from avionics.recording.writer import LogWriter
+from avionics.records import EncodedFrame
 
 __all__ = [
     "Damage",

@@ -1,56 +1,12 @@
-"""A frame as the log holds it: PNG or JPEG bytes, decoded only when someone looks at it."""
+"""A frame becomes what the log holds of it: PNG or JPEG bytes."""
 
-from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from avionics.errors import RecordingError
+from avionics.records import EncodedFrame
 from drivers.samples import Frame
 
 ImageFormat = Literal["png", "jpeg"]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class EncodedFrame:
-    """One compressed image; what a log copies without decoding.
-
-    Attributes
-    ----------
-    t_ns : int
-        Middle of the exposure, ns of the steady clock.
-    camera : str
-        Name of the camera.
-    index : int
-        Frame number of the source.
-    format : str
-        "png" or "jpeg".
-    data : bytes
-        The compressed picture.
-    """
-
-    t_ns: int
-    camera: str
-    index: int
-    format: str
-    data: bytes
-
-    def decode(self) -> Frame:
-        """Return the frame with its pixels.
-
-        Raises
-        ------
-        RecordingError
-            If the bytes are no image.
-        """
-        import cv2  # noqa: PLC0415 (most readers of a log look at no picture)
-
-        packed = np.frombuffer(self.data, dtype=np.uint8)
-        image = cv2.imdecode(packed, cv2.IMREAD_UNCHANGED) if packed.size else None
-        if image is None:
-            msg = f"camera {self.camera}: frame {self.index} holds no readable {self.format} image"
-            raise RecordingError(msg)
-        return Frame(self.t_ns, self.camera, self.index, np.asarray(image, dtype=np.uint8))
 
 
 def encode_frame(frame: Frame, image_format: ImageFormat, *, jpeg_quality: int) -> EncodedFrame:

@@ -32,11 +32,9 @@ WAITING_BYTES = 64 << 20
 class _Coded(NamedTuple):
     """A record as bytes, which cross the pipe much faster than its arrays one by one."""
 
-    topic: str
     schema: str
     data: bytes
     sequence: int
-    t_ns: int
     arrival_ns: int
 
 
@@ -88,14 +86,14 @@ class LogProcess:
         self._put((batch, [self._coded(item) for item in items]))
 
     def _coded(self, item: Item) -> Item | _Coded:
-        if isinstance(item, Slot) or isinstance(item[1], Frame):
+        if isinstance(item, Slot) or isinstance(item[0], Frame):
             return item
-        topic, record, t_ns, arrival_ns = item
+        record, arrival_ns = item
         schema = self._schemas.get(type(record))
         if schema is None:
             schema = self._schemas[type(record)] = schema_name(MESSAGE_OF[type(record)])
         data = encode(record, self._utc_offset_ns)
-        return _Coded(topic, schema, data, sequence_of(record), t_ns, arrival_ns)
+        return _Coded(schema, data, sequence_of(record), arrival_ns)
 
     def _put(self, message: Any) -> None:
         if self._has_failed.is_set():
@@ -164,7 +162,7 @@ def _decoded(item: Item | _Coded, utc_offset_ns: int) -> Item:
     if not isinstance(item, _Coded):
         return item
     record: Any = DECODER_OF[item.schema](item.data, item.sequence, utc_offset_ns)
-    return item.topic, record, item.t_ns, item.arrival_ns
+    return record, item.arrival_ns
 
 
 def serve() -> None:

@@ -16,7 +16,6 @@ from avionics.config import FlightConfig
 from avionics.config.load import parse_config
 from avionics.errors import RecordingError
 from avionics.recording.attached import CONFIG_JSON, METADATA_NAME
-from avionics.recording.images import EncodedFrame
 from avionics.recording.mcap import parse
 from avionics.recording.mcap.parse import channel_of
 from avionics.recording.mcap.scan import (
@@ -29,7 +28,8 @@ from avionics.recording.mcap.scan import (
     summary,
 )
 from avionics.recording.schema.decode import DECODER_OF
-from avionics.recording.schema.messages import Loggable
+from avionics.records import EncodedFrame
+from avionics.topics import Record
 
 MESSAGE = int(Opcode.MESSAGE)
 
@@ -48,7 +48,7 @@ class LoggedRecord(NamedTuple):
     """
 
     topic: str
-    record: Loggable
+    record: Record
     arrival_ns: int
 
 

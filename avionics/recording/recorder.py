@@ -12,11 +12,9 @@ from typing import NamedTuple
 
 from avionics.config import FlightConfig
 from avionics.errors import RecordingError, StorageError
-from avionics.recording.images import EncodedFrame
-from avionics.recording.schema.messages import Loggable
 from avionics.recording.writer import LogWriter
-from avionics.records import Event, Health
-from avionics.topics import EVENT, HEALTH
+from avionics.records import EncodedFrame, Event, Health
+from avionics.topics import Record, topic_of
 from drivers.clock import Clock, SteadyClock
 from drivers.samples import Frame
 
@@ -32,9 +30,7 @@ LINGER_S = 0.02
 
 
 class _Entry(NamedTuple):
-    topic: str
-    record: Loggable
-    t_ns: int
+    record: Record
     arrival_ns: int
 
     @property
@@ -113,9 +109,9 @@ class Recorder:
         for thread in self._threads:
             thread.start()
 
-    def write(self, topic: str, record: Loggable, t_ns: int, arrival_ns: int) -> None:
+    def write(self, record: Record, arrival_ns: int) -> None:
         """Queue one record; what does not fit is counted."""
-        entry = _Entry(topic, record, t_ns, arrival_ns)
+        entry = _Entry(record, arrival_ns)
         with self._changed:
             if self._closing or self._stopped.is_set():
                 self._counters["dropped_records"] += 1
@@ -195,7 +191,7 @@ class Recorder:
             self._note_trouble(error)
         except RecordingError as error:
             self._count("dropped_unwritable")
-            logger.warning("%s dropped: %s", entry.topic, error)
+            logger.warning("%s dropped: %s", topic_of(entry.record), error)
         else:
             self._count("written")
 
@@ -221,7 +217,7 @@ class Recorder:
             logger.warning("storage works again")
             message = f"storage refused and works again: {said}"
             event = Event(arrival_ns, SOURCE, "error", message)
-            self._write_one(_Entry(EVENT, event, arrival_ns, arrival_ns))
+            self._write_one(_Entry(event, arrival_ns))
         self._arrival_ns = arrival_ns
         if self._health_ns is None or arrival_ns - self._health_ns >= HEALTH_PERIOD_NS:
             self._write_health(arrival_ns)
@@ -229,7 +225,7 @@ class Recorder:
     def _write_health(self, arrival_ns: int) -> None:
         self._health_ns = arrival_ns
         health = Health(arrival_ns, SOURCE, self.counters)
-        self._write_one(_Entry(HEALTH, health, arrival_ns, arrival_ns))
+        self._write_one(_Entry(health, arrival_ns))
 
     def _count(self, name: str) -> None:
         with self._changed:

@@ -24,7 +24,8 @@ from avionics.recording.images import encode_frame
 from avionics.recording.mcap.container import Container
 from avionics.recording.mcap.logfile import LogFile
 from avionics.recording.schema.encode import encode, sequence_of
-from avionics.recording.schema.messages import MESSAGE_OF, Loggable, schema_bytes, schema_name
+from avionics.recording.schema.messages import MESSAGE_OF, schema_bytes, schema_name
+from avionics.topics import Record, topic_of
 from drivers.samples import Frame
 
 
@@ -91,8 +92,8 @@ class LogWriter:
             self._mcap.add_attachment(name, media_type(name), data)
         self._file.commit()
 
-    def write(self, topic: str, record: Loggable, t_ns: int, arrival_ns: int) -> None:
-        """Take one record that arrived at ``arrival_ns``; the record itself holds its ``t_ns``.
+    def write(self, record: Record, arrival_ns: int) -> None:
+        """Take one record that arrived at ``arrival_ns``.
 
         Raises
         ------
@@ -110,6 +111,7 @@ class LogWriter:
                 self._recorder.image_format,
                 jpeg_quality=self._recorder.jpeg_quality,
             )
+        topic = topic_of(record)
         log_ns = arrival_ns + self._utc_offset_ns
         self._check(topic, log_ns)
         if self._chunk_start_ns is None:

@@ -9,26 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from scipy.stats import chi2
 
+from avionics.kinds import CRG, PAPER, RG, TRACKS, TRUTH, style_of
 from avionics.records import FloatArray
 from avionics.report.data import EstimateHistory, Flight, Series
 
-COLOURS = {
-    "rg": "#6b7785",
-    "crg": "#c8102e",
-    "filtered": "#e08a00",
-    "smoothed": "#7b3fa0",
-    "gs": "#008b8b",
-    "truth": "#1a7f37",
-    "tracks": "#1f6feb",
-}
-NAMES = {
-    "rg": "RG-WSE (gyros alone)",
-    "crg": "CRG-WSE (as flown)",
-    "filtered": "CRG-WSE (filtered, at the exposures)",
-    "smoothed": "CRG-WSE (smoothed)",
-    "gs": "distributed POS",
-    "truth": "truth",
-}
 AXIS_COLOURS = {"x": "#c8102e", "y": "#1a7f37", "z": "#1f6feb"}
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -82,12 +66,13 @@ def error_figure(flight: Flight, errors: Mapping[str, Series]) -> Figure:
     errors : mapping of str to Series
         Mean pixel error of the visible markers by kind of estimate (Srikanth et al., Eq. 17).
     """
-    aided = {kind: series for kind, series in errors.items() if kind != "rg"}
-    both = "rg" in errors and bool(aided)
+    aided = {kind: series for kind, series in errors.items() if kind != RG}
+    both = RG in errors and bool(aided)
     figure, axes = _panels(2 if both else 1, 5.6 if both else 3.2)
     for panel, shown in zip(axes, (errors, aided), strict=False):
         for kind, series in shown.items():
-            _line(panel, flight.seconds(series.t_ns), series.values, COLOURS[kind], NAMES[kind])
+            style = style_of(kind)
+            _line(panel, flight.seconds(series.t_ns), series.values, style.colour, style.label)
         panel.set_ylabel("marker error, px")
         panel.set_ylim(bottom=0)
     _legend(axes[0])
@@ -113,8 +98,8 @@ def tip_figure(flight: Flight, truth_tip: Series | None) -> Figure:
     for panel in axes[:2]:
         if truth_tip is not None:
             t = flight.seconds(truth_tip.t_ns)
-            _line(panel, t, -1e3 * truth_tip.values[:, 2], COLOURS["truth"], NAMES["truth"])
-        for kind in ("rg", "crg"):
+            _line(panel, t, -1e3 * truth_tip.values[:, 2], TRUTH.colour, TRUTH.label)
+        for kind in PAPER:
             if kind in flight.estimates:
                 _tip(panel, flight, kind)
         panel.set_ylabel("tip above root, mm")
@@ -133,25 +118,26 @@ def tip_figure(flight: Flight, truth_tip: Series | None) -> Figure:
 def _tip(panel: Axes, flight: Flight, kind: str) -> None:
     history = flight.estimates[kind]
     t, height = flight.seconds(history.t_ns), -1e3 * history.line_m[:, -1, 2]
-    _line(panel, t, height, COLOURS[kind], NAMES[kind])
-    if kind == "crg":
+    style = style_of(kind)
+    _line(panel, t, height, style.colour, style.label)
+    if kind == CRG:
         band = 2e3 * history.tip_sigma_m[:, 2]
         panel.fill_between(
-            t, height - band, height + band, color=COLOURS[kind], alpha=0.2, lw=0, rasterized=True
+            t, height - band, height + band, color=style.colour, alpha=0.2, lw=0, rasterized=True
         )
 
 
 def _tip_error(panel: Axes, flight: Flight, truth_tip: Series) -> None:
-    history = flight.estimates.get("crg") or next(iter(flight.estimates.values()))
+    history = flight.estimates.get(CRG) or next(iter(flight.estimates.values()))
     inside = (history.t_ns >= truth_tip.t_ns[0]) & (history.t_ns <= truth_tip.t_ns[-1])
     t = flight.seconds(history.t_ns[inside])
     true = np.interp(t, flight.seconds(truth_tip.t_ns), truth_tip.values[:, 2])
     error = 1e3 * (true - history.line_m[inside, -1, 2])
     band = 2e3 * history.tip_sigma_m[inside, 2]
     panel.fill_between(t, -band, band, color="#999999", alpha=0.35, lw=0, rasterized=True)
-    _line(panel, t, error, COLOURS["crg"])
+    _line(panel, t, error, style_of(CRG).colour)
     panel.set_ylabel("tip error, mm")
-    panel.set_title("error of CRG-WSE (as flown) and its ± 2 σ", loc="left", fontsize=9)
+    panel.set_title(f"error of {style_of(CRG).label} and its ± 2 σ", loc="left", fontsize=9)
     settled = t >= t[0] + min(SETTLED_S, (t[-1] - t[0]) / 2)
     high = float(np.nanpercentile(np.abs(error[settled]), 99.5))
     limit = 1.3 * max(high, float(np.nanmedian(band)), 0.1)
@@ -161,7 +147,7 @@ def _tip_error(panel: Axes, flight: Flight, truth_tip: Series) -> None:
 def _height_limits(flight: Flight, begin_s: float, end_s: float) -> tuple[float, float]:
     """Return the range of the drawn heights, mm, without the first second's wide guesses."""
     heights = []
-    for kind in ("rg", "crg"):
+    for kind in PAPER:
         history = flight.estimates.get(kind)
         if history is None:
             continue
@@ -175,7 +161,7 @@ def _height_limits(flight: Flight, begin_s: float, end_s: float) -> tuple[float,
 
 
 def _liveliest_s(flight: Flight) -> float:
-    history = flight.estimates.get("crg") or next(iter(flight.estimates.values()))
+    history = flight.estimates.get(CRG) or next(iter(flight.estimates.values()))
     t, height = flight.seconds(history.t_ns), history.line_m[:, -1, 2]
     if len(t) < 3:
         return float(t[0])
@@ -232,19 +218,19 @@ def innovation_figure(flight: Flight, history: EstimateHistory) -> Figure:
     low, high = (chi2.ppf(p, freedom) / freedom for p in (0.025, 0.975))
     axes[0].fill_between(t, low, high, step="mid", color="#1a7f37", alpha=0.15, lw=0)
     dot: dict[str, Any] = {"marker": ".", "ms": 3, "ls": "none", "rasterized": True}
-    axes[0].plot(t, np.maximum(nis, 1e-3), color=COLOURS["crg"], **dot)
+    axes[0].plot(t, np.maximum(nis, 1e-3), color=style_of(CRG).colour, **dot)
     axes[0].axhline(1.0, color="#333333", lw=0.8)
     axes[0].set_yscale("log")
     axes[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes[0].set_ylabel("NIS per degree of freedom")
     axes[1].step(
-        flight.seconds(history.t_ns), history.used, where="mid", color=COLOURS["crg"],
+        flight.seconds(history.t_ns), history.used, where="mid", color=style_of(CRG).colour,
         label="used by the update", rasterized=True,
     )  # fmt: skip
     if flight.found is not None:
         axes[1].step(
             flight.seconds(flight.found.t_ns), flight.found.values.sum(axis=1), where="mid",
-            color=COLOURS["tracks"], label="found in the frame", rasterized=True, zorder=0,
+            color=TRACKS.colour, label="found in the frame", rasterized=True, zorder=0,
         )  # fmt: skip
     axes[1].set_ylabel("markers")
     axes[1].set_ylim(bottom=0)
@@ -260,7 +246,7 @@ def found_figure(flight: Flight, found: Series) -> Figure:
     t = flight.seconds(found.t_ns)
     ends = np.append(t[1:], t[-1] + (np.median(np.diff(t)) if len(t) > 1 else 0.03))
     for row in range(count):
-        for value, colour in ((1.0, COLOURS["tracks"]), (0.0, COLOURS["crg"])):
+        for value, colour in ((1.0, TRACKS.colour), (0.0, style_of(CRG).colour)):
             spans = _spans(found.values[:, row] == value, t, ends)
             panel.broken_barh(spans, (row - 0.35, 0.7), color=colour, lw=0)
     panel.set_yticks(range(count), [f"marker {ids[row]}" for row in range(count)])

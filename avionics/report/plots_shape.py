@@ -10,14 +10,14 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from avionics.kinds import CRG, PAPER, RG, TRACKS, TRUTH, style_of
 from avionics.records import FloatArray
 from avionics.report.data import Flight
-from avionics.report.plots import COLOURS, NAMES, SETTLED_S, WIDTH_IN
+from avionics.report.plots import SETTLED_S, WIDTH_IN
 from avionics.wse.pinhole import pinhole_from_config
 from drivers.samples import Frame
 
 INSTANTS = 4
-KINDS = ("rg", "crg")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +44,7 @@ def choose_instants(flight: Flight) -> list[Instant]:
 
     Instants are those of frames where there are frames.
     """
-    history = flight.estimates.get("crg") or next(iter(flight.estimates.values()))
+    history = flight.estimates.get(CRG) or next(iter(flight.estimates.values()))
     t_ns, height = history.t_ns, -history.line_m[:, -1, 2]
     if flight.frames_ns:
         exposures = np.array(sorted(flight.frames_ns.values()))
@@ -117,8 +117,8 @@ def frames_figure(
 def _overlay(panel: Axes, flight: Flight, instant: Instant) -> None:
     if flight.tracked_px is not None:
         pixel = flight.tracked_px.at(instant.t_ns - flight.offset_ns)
-        _dots(panel, pixel, marker="s", ms=13, mec=COLOURS["tracks"], mew=1.4)
-    for kind, colour in (("rg", "white"), ("crg", "#ff3030")):
+        _dots(panel, pixel, marker="s", ms=13, mec=TRACKS.colour, mew=1.4)
+    for kind, colour in ((RG, "white"), (CRG, "#ff3030")):
         if kind in flight.estimates:
             pixel = flight.estimates[kind].pixels.at(instant.t_ns)
             _dots(panel, pixel, marker="o", ms=9, mec=colour, mew=1.4)
@@ -136,9 +136,9 @@ def _dots(panel: Axes, pixel: FloatArray, **style: Any) -> None:
 
 def _overlay_legend(flight: Flight) -> list[Line2D]:
     entries = [
-        ("s", COLOURS["tracks"], "tracked"),
-        ("o", "#999999", f"{NAMES['rg']}, white"),
-        ("o", "#ff3030", NAMES["crg"]),
+        ("s", TRACKS.colour, "tracked"),
+        ("o", "#999999", f"{style_of(RG).label}, white"),
+        ("o", "#ff3030", style_of(CRG).label),
     ]
     if flight.truth_markers_m is not None:
         entries.append(("+", "#3ddc63", f"truth ({flight.truth_source}), projected"))
@@ -154,28 +154,26 @@ def side_figure(flight: Flight, instants: Sequence[Instant]) -> Figure:
     for panel, instant in zip(axes, instants, strict=True):
         if flight.truth_line_m is not None:
             line = flight.truth_line_m.at(instant.t_ns)
-            panel.plot(line[:, 1], -line[:, 2], color=COLOURS["truth"], lw=3, alpha=0.5)
+            panel.plot(line[:, 1], -line[:, 2], color=TRUTH.colour, lw=3, alpha=0.5)
         if flight.truth_markers_m is not None:
             points = flight.truth_markers_m.at(instant.t_ns)
-            panel.plot(
-                points[:, 1], -points[:, 2], ls="none", marker="+", color=COLOURS["truth"], ms=7
-            )
-        for kind in KINDS:
+            panel.plot(points[:, 1], -points[:, 2], ls="none", marker="+", color=TRUTH.colour, ms=7)
+        for kind in PAPER:
             if kind in flight.estimates:
                 line = flight.estimates[kind].line.at(instant.t_ns)
-                panel.plot(line[:, 1], -line[:, 2], color=COLOURS[kind], lw=1.6)
+                panel.plot(line[:, 1], -line[:, 2], color=style_of(kind).colour, lw=1.6)
         panel.set_aspect("equal", adjustable="datalim")
         seconds = float(flight.seconds(instant.t_ns))
         panel.set_title(f"{instant.label} = {seconds:.2f} s", fontsize=10)
         panel.set_xlabel("span y, m")
         panel.set_ylabel("up −z, m")
     handles = [
-        Line2D([], [], color=COLOURS[kind], label=NAMES[kind])
-        for kind in KINDS
+        Line2D([], [], color=style_of(kind).colour, label=style_of(kind).label)
+        for kind in PAPER
         if kind in flight.estimates
     ]
     if flight.truth_markers_m is not None or flight.truth_line_m is not None:
         label = f"truth ({flight.truth_source})"
-        handles.append(Line2D([], [], color=COLOURS["truth"], marker="+", label=label))
+        handles.append(Line2D([], [], color=TRUTH.colour, marker="+", label=label))
     figure.legend(handles=handles, loc="outside upper center", ncols=3)
     return figure

@@ -1,6 +1,5 @@
 """The figures of merit of a report: what ``evaluate`` says, and the errors over time behind it."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,17 +9,12 @@ from avionics.analysis.evaluate import SETTLE_S, Comparison, Evaluation, evaluat
 from avionics.analysis.history import read_history
 from avionics.config import one_wing
 from avionics.errors import RecordingError
+from avionics.kinds import in_order, style_of
 from avionics.recording import LogReader
 from avionics.report.data import Series
 
 HEAD = ("estimate", "median, px", "mean, px", "95 %, px", "max, px", "slope, px/min",
         "tip RMS, mm", "tip max, mm", "tip NEES", "NIS per DOF")  # fmt: skip
-NAMES = {
-    "rg": "RG-WSE, gyros alone",
-    "crg": "CRG-WSE, as flown",
-    "filtered": "CRG-WSE, filtered",
-    "smoothed": "CRG-WSE, smoothed",
-}
 NOTE = (
     f"After the first {SETTLE_S:.0f} s. Pixels: mean error of the visible markers (Eq. 17). Tip:"
     " distance from the true end of the reference line. NEES and NIS are near 1 where the filter"
@@ -66,7 +60,7 @@ def read_scores(log: Path) -> Scores:
     known = np.isfinite(comparison.tip_m).all(axis=1)
     if known.sum() > 1:
         scores.truth_tip = Series(comparison.t_ns[known], comparison.tip_m[known])
-    for kind in _ordered(history.estimates):
+    for kind in in_order(history.estimates):
         t_ns, distance_px = comparison.marker_error_px(history.estimates[kind])
         if distance_px.size:
             scores.errors[kind] = Series(t_ns, distance_px)
@@ -75,7 +69,7 @@ def read_scores(log: Path) -> Scores:
 
 def _rows(evaluation: Evaluation) -> list[tuple[str, ...]]:
     rows = []
-    for kind in _ordered(evaluation.kinds):
+    for kind in in_order(evaluation.kinds):
         score = evaluation.kinds[kind]
         pixels = score.eq17_px or {}
         numbers = [pixels.get(key) for key in ("median", "mean", "p95", "max")]
@@ -83,7 +77,7 @@ def _rows(evaluation: Evaluation) -> list[tuple[str, ...]]:
         tip = [score.tip_mm.get(key) for key in ("rmse", "max")]
         rows.append(
             (
-                NAMES.get(kind, kind),
+                style_of(kind).label,
                 *(_text(number, ".2f") for number in numbers),
                 _text(slope, "+.2f"),
                 *(_text(number, ".1f") for number in tip),
@@ -92,12 +86,6 @@ def _rows(evaluation: Evaluation) -> list[tuple[str, ...]]:
             )
         )
     return rows
-
-
-def _ordered(kinds: Iterable[str]) -> list[str]:
-    """Return the kinds in the order of ``NAMES``, others behind."""
-    known = list(NAMES)
-    return sorted(kinds, key=lambda kind: (kind not in known, [*known, kind].index(kind)))
 
 
 def _text(number: float | None, form: str) -> str:

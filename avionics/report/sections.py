@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib import rc_context
 
 from avionics.config import Marker, Pod
+from avionics.kinds import CRG, FILTERED
 from avionics.recording import Damage, LogReader
 from avionics.recording.attached import CONFIG_TOML
 from avionics.report import plots, plots_shape
@@ -161,7 +162,7 @@ def _gyros(page: Page, flight: Flight) -> None:
         "Angular rates as measured",
         "Sensor axes, °/s; bias, lag and mounting not removed.",
     )
-    history = flight.estimates.get("crg")
+    history = flight.estimates.get(CRG)
     if history is not None and np.isfinite(history.bias_rad_s).any():
         page.figure(
             plots.bias_figure(flight, history),
@@ -174,7 +175,7 @@ def _camera(page: Page, flight: Flight) -> None:
     if flight.found is None:
         return
     page.heading("Camera and tracking")
-    history = flight.estimates.get("filtered")
+    history = flight.estimates.get(FILTERED)
     if history is not None and np.isfinite(history.nis).any():
         page.figure(
             plots.innovation_figure(flight, history),

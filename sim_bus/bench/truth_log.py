@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 
 from avionics.recording import LogWriter
-from avionics.topics import EVENT, topic_of
 from drivers.clock import boot_id, utc_offset_ns
 from drivers.events import Event
 from drivers.samples import ImuSample
@@ -68,7 +67,7 @@ class TruthLog:
         now_ns = self._bench.clock.now_ns()
         while self._truth_ns <= now_ns:
             truth = self._bench.wing.truth(self._truth_ns)
-            self._writer.write(topic_of(truth), truth, truth.t_ns, now_ns)
+            self._writer.write(truth, now_ns)
             self._truth_ns += self._period_ns
         times = np.arange(self._imu_ns, now_ns, IMU_PERIOD_NS, dtype=np.int64)
         if times.size:
@@ -76,14 +75,14 @@ class TruthLog:
             self._write_imus(times, now_ns)
         while self._said:
             event = self._said.popleft()
-            self._writer.write(EVENT, event, event.t_ns, now_ns)
+            self._writer.write(event, now_ns)
 
     def _write_imus(self, times: "np.ndarray[tuple[int], np.dtype[np.int64]]", now_ns: int) -> None:
         for pod, motion in self._bench.motions.items():
             rate, force, flux = motion.sense(times)
             for k, t_ns in enumerate(times.tolist()):
                 sample = ImuSample(t_ns, pod, self._index + k, rate[k], force[k], flux[k])
-                self._writer.write(topic_of(sample), sample, t_ns, now_ns)
+                self._writer.write(sample, now_ns)
         self._index += len(times)
 
     def __enter__(self) -> "TruthLog":

@@ -22,7 +22,7 @@ class Rows:
     def __init__(self) -> None:
         self.by_kind: dict[str, list[WingShapeEstimate]] = {}
 
-    def write(self, topic, record, t_ns, arrival_ns) -> None:
+    def write(self, record, arrival_ns) -> None:
         if isinstance(record, WingShapeEstimate):
             self.by_kind.setdefault(record.kind, []).append(record)
 

@@ -171,5 +171,5 @@ def add_truth(log: Path, target: Path, flight: Flight, places: list[int]) -> Non
             if record.topic.endswith("estimate_rg") and guest_ns[0] <= t_ns <= guest_ns[-1]:
                 then_ns = round(np.interp(t_ns, guest_ns, host_ns))
                 truth = replace(flight.wing.truth(then_ns), t_ns=t_ns)
-                writer.write(topic_of(truth), truth, t_ns, record.arrival_ns)
-            writer.write(record.topic, record.record, t_ns, record.arrival_ns)
+                writer.write(truth, record.arrival_ns)
+            writer.write(record.record, record.arrival_ns)

@@ -2,10 +2,18 @@
 
 from foxglove_schemas_protobuf.Color_pb2 import Color
 
+from avionics.kinds import STYLES, TRACKS, TRUTH, Style
+
+
+def colour_of(style: Style) -> Color:
+    """Return the opaque colour of a style that viewers draw."""
+    assert style.screen_rgb is not None
+    red, green, blue = style.screen_rgb
+    return Color(r=red, g=green, b=blue, a=1.0)
+
+
 COLOURS = {
-    "rg": Color(r=0.85, g=0.85, b=0.85, a=1.0),
-    "crg": Color(r=0.95, g=0.25, b=0.2, a=1.0),
-    "gs": Color(r=0.95, g=0.65, b=0.1, a=1.0),
-    "truth": Color(r=0.2, g=0.75, b=0.3, a=1.0),
-    "tracks": Color(r=0.25, g=0.75, b=1.0, a=1.0),
+    **{kind: colour_of(style) for kind, style in STYLES.items() if style.screen_rgb is not None},
+    "truth": colour_of(TRUTH),
+    "tracks": colour_of(TRACKS),
 }

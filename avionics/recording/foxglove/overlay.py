@@ -14,11 +14,11 @@ from foxglove_schemas_protobuf.Point2_pb2 import Point2
 from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from avionics.kinds import PAPER
 from avionics.recording.foxglove.colours import COLOURS
 from avionics.recording.schema.messages import NANOSECONDS
 from avionics.records import FloatArray, MarkerTracks, WingShapeEstimate
 
-KINDS = ("rg", "crg")
 HISTORY_ROWS = 128
 """Rows of each estimate kept to find the one at a late frame's exposure: 1.28 s."""
 CORNER_PX = 0.5
@@ -39,12 +39,12 @@ class Overlay:
     def __init__(self, *, utc_offset_ns: int) -> None:
         self._utc_offset_ns = utc_offset_ns
         self._rows: dict[str, deque[tuple[int, FloatArray]]] = {
-            kind: deque(maxlen=HISTORY_ROWS) for kind in KINDS
+            kind: deque(maxlen=HISTORY_ROWS) for kind in PAPER
         }
         self._sheets: dict[tuple[int, ...], _Sheet] = {}
 
     def note(self, row: WingShapeEstimate) -> None:
-        """Take an estimate, whose kind is one of ``KINDS``."""
+        """Take an estimate, whose kind is one of ``PAPER``."""
         self._rows[row.kind].append((row.t_ns, row.marker_px))
 
     def of(self, tracks: MarkerTracks) -> ImageAnnotations:
@@ -52,7 +52,7 @@ class Overlay:
         corners = tracks.pixel[tracks.found][:, None, :] + SQUARE_PX + CORNER_PX
         circles = [
             [at for at in centres if math.isfinite(at[0] + at[1])]
-            for kind in KINDS
+            for kind in PAPER
             for centres in [(self._predicted(kind, tracks.t_ns) + CORNER_PX).tolist()]
         ]
         size = (len(corners), *(len(centres) for centres in circles))
@@ -108,7 +108,7 @@ def _blank(squares: int, *circles: int) -> _Sheet:
         thickness=1.0,
     )
     message = ImageAnnotations(points=[square] * squares)
-    for kind, count in zip(KINDS, circles, strict=True):
+    for kind, count in zip(PAPER, circles, strict=True):
         circle = CircleAnnotation(
             timestamp=Timestamp(),
             position=Point2(),

@@ -21,10 +21,12 @@ from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from avionics.config import Camera, Config, FlightConfig, stations
+from avionics.kinds import PAPER
 from avionics.recording.foxglove.colours import COLOURS
-from avionics.recording.foxglove.overlay import KINDS, Overlay
-from avionics.recording.schema.messages import NANOSECONDS, Loggable, camera_frame, to_timestamp
+from avionics.recording.foxglove.overlay import Overlay
+from avionics.recording.schema.messages import NANOSECONDS, camera_frame, to_timestamp
 from avionics.records import FloatArray, MarkerTracks, Truth, WingShapeEstimate
+from avionics.topics import Record
 from avionics.wse.pinhole import opencv_pose, pinhole_from_config
 
 SCENE_PERIOD_NS = 100_000_000
@@ -57,7 +59,7 @@ class FoxgloveViews:
             if each.camera is not None
         }
 
-    def of(self, record: Loggable, arrival_ns: int) -> Views:
+    def of(self, record: Record, arrival_ns: int) -> Views:
         """Return topic and message of every view that this record calls for.
 
         A message holds until the next call.
@@ -67,7 +69,7 @@ class FoxgloveViews:
             return [*self._still_life(arrival_ns), *self._moving(record)]
         return self._moving(record)
 
-    def _moving(self, record: Loggable) -> Views:
+    def _moving(self, record: Record) -> Views:
         if isinstance(record, WingShapeEstimate | Truth):
             return self._by_wing.get(record.wing, self._first).of(record)
         if isinstance(record, MarkerTracks):
@@ -104,7 +106,7 @@ class _WingViews:
     def of(self, record: WingShapeEstimate | Truth | MarkerTracks) -> Views:
         """Return topic and message of the views of a record."""
         if isinstance(record, WingShapeEstimate):
-            if record.kind in KINDS:
+            if record.kind in PAPER:
                 self._overlay.note(record)
             if record.kind in COLOURS and self._is_due(record.kind, record.t_ns):
                 line_m = record.line_in_body_m

@@ -8,17 +8,24 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from numpy.typing import NDArray
 
-from avionics.recording.images import EncodedFrame
 from avionics.recording.schema.encode import LEVELS
 from avionics.recording.schema.messages import (
     CAMERA_FRAME,
     MESSAGE_OF,
-    Loggable,
     from_timestamp,
     schema_name,
 )
 from avionics.recording.schema.proto import records_pb2
-from avionics.records import Event, FloatArray, Health, MarkerTracks, Truth, WingShapeEstimate
+from avionics.records import (
+    EncodedFrame,
+    Event,
+    FloatArray,
+    Health,
+    MarkerTracks,
+    Truth,
+    WingShapeEstimate,
+)
+from avionics.topics import Record
 from drivers.samples import ImuSample
 
 _LEVEL_NAMES = {number: name for name, number in LEVELS.items()}
@@ -130,7 +137,7 @@ def _event(data: bytes, _: int, utc_offset_ns: int) -> Event:
     return Event(t_ns, message.name, level, message.message)
 
 
-_DECODERS: dict[type, Callable[[bytes, int, int], Loggable]] = {
+_DECODERS: dict[type, Callable[[bytes, int, int], Record]] = {
     ImuSample: _imu,
     EncodedFrame: _image,
     MarkerTracks: _tracks,
@@ -140,7 +147,7 @@ _DECODERS: dict[type, Callable[[bytes, int, int], Loggable]] = {
     Event: _event,
 }
 
-DECODER_OF: dict[str, Callable[[bytes, int, int], Loggable]] = {
+DECODER_OF: dict[str, Callable[[bytes, int, int], Record]] = {
     schema_name(MESSAGE_OF[record]): decoder for record, decoder in _DECODERS.items()
 }
 """By schema name; each takes the message's bytes, its MCAP sequence and ``utc_offset_ns``."""

@@ -11,11 +11,10 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import Message
 from numpy.typing import NDArray
 
-from avionics.recording.images import EncodedFrame
 from avionics.recording.schema.messages import camera_frame, to_timestamp
 from avionics.recording.schema.packed import PackedFields
 from avionics.recording.schema.proto import records_pb2
-from avionics.records import Event, Health, MarkerTracks, Truth, WingShapeEstimate
+from avionics.records import EncodedFrame, Event, Health, MarkerTracks, Truth, WingShapeEstimate
 from drivers.samples import ImuSample
 
 LEVELS = {"info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}

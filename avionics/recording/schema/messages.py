@@ -1,6 +1,6 @@
 """Which protobuf message each record becomes, and the schema bytes that the log carries for it."""
 
-from typing import Any, TypeAlias
+from typing import Any
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.Log_pb2 import Log
@@ -8,13 +8,10 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from avionics.recording.images import EncodedFrame
 from avionics.recording.schema.proto import records_pb2
-from avionics.records import Event, Health, MarkerTracks, Truth, WingShapeEstimate
-from avionics.topics import Record
+from avionics.records import EncodedFrame, Event, Health, MarkerTracks, Truth, WingShapeEstimate
 from drivers.samples import ImuSample
 
-Loggable: TypeAlias = Record | EncodedFrame
 CAMERA_FRAME = "camera/"
 NANOSECONDS = 1_000_000_000
 

@@ -10,7 +10,6 @@ from avionics.config.load import default_config_text, parse_config
 from avionics.errors import OutputExistsError, RecordingError
 from avionics.recording import LogReader, LogWriter
 from avionics.records import Event, Health, MarkerTracks, Truth, WingShapeEstimate
-from avionics.topics import topic_of
 from drivers.samples import Frame, ImuSample
 
 try:
@@ -73,7 +72,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 Health(t_ns, "can0", {"frames": number}),
                 Event(t_ns, "pod 1", "warning", 'silent, "again"'),
             ):
-                writer.write(topic_of(record), record, t_ns, t_ns + 1000)
+                writer.write(record, t_ns + 1000)
     return path
 
 

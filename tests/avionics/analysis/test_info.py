@@ -7,7 +7,6 @@ from avionics.analysis.info import info_text, read_info
 from avionics.config import Config
 from avionics.recording import LogWriter
 from avionics.records import Event, Health, MarkerTracks
-from avionics.topics import topic_of
 from drivers.samples import Frame, ImuSample
 
 
@@ -20,19 +19,19 @@ def log(tmp_path: Path) -> Path:
             t_ns = number * 10_000_000
             if number not in (7, 50, 51):
                 sample = ImuSample(t_ns, "0", number, np.zeros(3))
-                writer.write(topic_of(sample), sample, t_ns, t_ns)
+                writer.write(sample, t_ns)
             if number % 10 == 0 and number != 30:
                 frame = Frame(t_ns, "root", number // 10, np.zeros((8, 8), np.uint8))
-                writer.write(topic_of(frame), frame, t_ns, t_ns)
+                writer.write(frame, t_ns)
                 found = np.array([True, number >= 50])
                 tracks = MarkerTracks(t_ns, "root", 0, np.zeros((2, 2)), np.ones(2), found)
-                writer.write(topic_of(tracks), tracks, t_ns, t_ns)
+                writer.write(tracks, t_ns)
         for record in (
             Health(0, "can0", {"frames": 3, "errors": 0}),
             Health(0, "can0", {"frames": 9, "errors": 0}),
             Event(5, "pod 1", "error", "silent"),
         ):
-            writer.write(topic_of(record), record, 10**9, 10**9)
+            writer.write(record, 10**9)
     return path
 
 

@@ -10,7 +10,6 @@ from avionics.config.load import default_config_text, parse_config_text
 from avionics.errors import JoinError
 from avionics.recording import LogReader, LogWriter
 from avionics.records import Truth
-from avionics.topics import topic_of
 from drivers.samples import ImuSample
 
 SECOND = 1_000_000_000
@@ -40,7 +39,7 @@ def truth_log(path: Path, config, *, markers: int = 6, boot: str = "A", role: st
             truth = Truth(t_ns, "right", "sim", np.full((markers, 3), t_s - 100))
             felt = sample(t_ns, motion(t_s - 100), k)
             for record in (truth, felt):
-                writer.write(topic_of(record), record, t_ns, t_ns)
+                writer.write(record, t_ns)
 
 
 def flight_log(path: Path, config, *, offset_s: float = 0.0, boot: str = "A"):
@@ -51,7 +50,7 @@ def flight_log(path: Path, config, *, offset_s: float = 0.0, boot: str = "A"):
             t_s = 102 + 0.01 * k
             t_ns = round((t_s + offset_s + lag_s) * SECOND)
             record = sample(t_ns, motion(t_s - 100), k)
-            writer.write(topic_of(record), record, t_ns, t_ns)
+            writer.write(record, t_ns)
 
 
 def truths(path: Path) -> list[Truth]:

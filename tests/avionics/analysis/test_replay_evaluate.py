@@ -93,19 +93,14 @@ def test_eq17_and_tip_against_their_definition(logs, tmp_path) -> None:
         for message in reader.messages(decode_images=False):
             record = message.record
             if isinstance(record, Truth | EncodedFrame):
-                writer.write(message.topic, record, record.t_ns, message.arrival_ns)
+                writer.write(record, message.arrival_ns)
             if isinstance(record, Truth):
                 t0 = record.t_ns if t0 is None else t0
                 from tests.avionics.conftest import EPOCH_NS
 
                 q = made.q(np.array([(record.t_ns - EPOCH_NS) * 1e-9]))[0] + (0.01, 0.0)
                 line = np.zeros((3, 3))
-                writer.write(
-                    "/wing/right/estimate_crg",
-                    _estimate(template, record.t_ns, q, line),
-                    record.t_ns,
-                    message.arrival_ns,
-                )
+                writer.write(_estimate(template, record.t_ns, q, line), message.arrival_ns)
     figures = evaluate(log).to_json_dict()["crg"]
     t_s = np.arange(6.1, 8.9, 0.01)
     camera = reader.config.camera

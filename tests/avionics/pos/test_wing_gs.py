@@ -13,7 +13,7 @@ from avionics.flight.pipeline import Pipeline
 from avionics.pos.attitude import rotation_from_vector
 from avionics.pos.wing_gs import WingGs, station_angles
 from avionics.records import Event, WingShapeEstimate
-from avionics.topics import Record
+from avionics.topics import Record, topic_of
 from avionics.wse.settings import settings_from_config
 from drivers.samples import ImuSample
 
@@ -25,8 +25,8 @@ class ListSink:
     def __init__(self) -> None:
         self.records: list[tuple[str, Record, int]] = []
 
-    def write(self, topic: str, record: Record, t_ns: int, arrival_ns: int) -> None:
-        self.records.append((topic, record, arrival_ns))
+    def write(self, record: Record, arrival_ns: int) -> None:
+        self.records.append((topic_of(record), record, arrival_ns))
 
 
 @pytest.fixture

@@ -16,7 +16,6 @@ from avionics.config import Config
 from avionics.errors import ConfigError, RecordingError
 from avionics.recording import LogReader, LogWriter, recover
 from avionics.recording.mcap.scan import Damage, open_log, records
-from avionics.topics import topic_of
 from drivers.samples import Frame, ImuSample
 
 STEP_NS = 5_000_000
@@ -32,11 +31,11 @@ def whole(tmp_path_factory: pytest.TempPathFactory, config: Config) -> Path:
         for number in range(COUNT):
             t_ns = number * STEP_NS
             sample = ImuSample(t_ns, str(number % 2), number // 2, rng.normal(size=3))
-            writer.write(topic_of(sample), sample, t_ns, t_ns)
+            writer.write(sample, t_ns)
             if number % 40 == 0:
                 image = rng.integers(0, 256, (120, 160), dtype=np.uint8)
                 frame = Frame(t_ns, "root", number // 40, image)
-                writer.write(topic_of(frame), frame, t_ns, t_ns)
+                writer.write(frame, t_ns)
     return path
 
 
@@ -229,7 +228,7 @@ CHILD = """
         now = time.monotonic_ns()
         while begin + number * 5_000_000 <= now:
             t = begin + number * 5_000_000
-            recorder.write("/imu/0", ImuSample(t, "0", number, np.zeros(3)), t, t)
+            recorder.write(ImuSample(t, "0", number, np.zeros(3)), t)
             number += 1
         os.write(1, number.to_bytes(8, "little"))
         time.sleep(0.002)

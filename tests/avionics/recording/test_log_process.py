@@ -35,7 +35,7 @@ def fly(flight: Flight, writer) -> None:
             else:
                 image = np.full((8, 8), record.frame_index % 256, dtype=np.uint8)
                 frame = Frame(record.t_ns, record.camera, record.frame_index, image)
-                pipeline.pass_on(f"/camera/{record.camera}/image", frame, arrival_ns)
+                pipeline.pass_on(frame, arrival_ns)
                 pipeline.on_tracks(record, arrival_ns)
         pipeline.close()
 

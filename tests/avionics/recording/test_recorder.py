@@ -13,7 +13,6 @@ from avionics.errors import OutputExistsError, RecordingError
 from avionics.recording import LogReader, LogWriter, Recorder
 from avionics.recording.mcap import logfile
 from avionics.records import Event, Health
-from avionics.topics import topic_of
 from drivers.samples import Frame, ImuSample
 
 
@@ -26,7 +25,7 @@ def frame(number: int) -> Frame:
 
 
 def send(recorder: Recorder, record: ImuSample | Frame) -> None:
-    recorder.write(topic_of(record), record, record.t_ns, record.t_ns)
+    recorder.write(record, record.t_ns)
 
 
 def with_recorder(config: Config, **changes: Any) -> Config:
@@ -176,9 +175,9 @@ def test_a_log_written_in_one_thread_stops_at_a_full_disk(
     writer = LogWriter(log_path, config)
     disk["room"] = 0
     for number in range(40):
-        writer.write("/imu/0", sample(number), 0, number * 5_000_000)
+        writer.write(sample(number), number * 5_000_000)
     with pytest.raises(RecordingError, match="No space left"):
-        writer.write("/imu/0", sample(40), 0, 40 * 5_000_000)
+        writer.write(sample(40), 40 * 5_000_000)
     with pytest.raises(RecordingError, match="No space left"):
         writer.close()
     assert LogReader(log_path).config == config
@@ -187,7 +186,7 @@ def test_a_log_written_in_one_thread_stops_at_a_full_disk(
 def test_a_record_that_cannot_be_written_is_counted(log_path: Path, config: Config) -> None:
     with Recorder(log_path, config, utc_offset_ns=0) as recorder:
         bad = Frame(0, "root", 0, np.zeros((0, 0), np.uint8))
-        recorder.write("/camera/root/image", bad, 0, 0)
+        recorder.write(bad, 0)
         send(recorder, sample(1))
     assert recorder.counters["dropped_unwritable"] == 1
     assert len(list(LogReader(log_path).messages(["/imu/0"]))) == 1

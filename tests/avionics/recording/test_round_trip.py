@@ -24,7 +24,7 @@ def write_all(path: Path, config: Config, records: list[Record], **options: Any)
     with LogWriter(path, config, utc_offset_ns=UTC_OFFSET_NS, **options) as writer:
         for number, record in enumerate(records):
             arrival_ns = 1_234_567_900_000 + number * 10_000_000
-            writer.write(topic_of(record), record, record.t_ns, arrival_ns)
+            writer.write(record, arrival_ns)
 
 
 def assert_same(found: Any, expected: Any) -> None:
@@ -66,10 +66,8 @@ def test_copying_a_log_copies_its_images_unchanged(
 ) -> None:
     write_all(tmp_path / "a.mcap", config, one_of_each)
     with LogWriter(tmp_path / "b.mcap", config, utc_offset_ns=UTC_OFFSET_NS) as writer:
-        for topic, record, arrival_ns in LogReader(tmp_path / "a.mcap").messages(
-            decode_images=False
-        ):
-            writer.write(topic, record, record.t_ns, arrival_ns)
+        for _, record, arrival_ns in LogReader(tmp_path / "a.mcap").messages(decode_images=False):
+            writer.write(record, arrival_ns)
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
 
 
@@ -186,14 +184,14 @@ def test_write_after_close_is_an_error(
     writer.close()
     writer.close()
     with pytest.raises(RecordingError, match="closed"):
-        writer.write("/imu/0", one_of_each[0], 0, 0)
+        writer.write(one_of_each[0], 0)
 
 
 def test_arrival_before_1970_is_an_error(
     log_path: Path, config: Config, one_of_each: list[Record]
 ) -> None:
     with LogWriter(log_path, config) as writer, pytest.raises(RecordingError, match="1970"):
-        writer.write("/imu/0", one_of_each[0], 0, -1)
+        writer.write(one_of_each[0], -1)
 
 
 def test_images_can_be_left_out(log_path: Path, config: Config, one_of_each: list[Record]) -> None:

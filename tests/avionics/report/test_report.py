@@ -10,7 +10,7 @@ from avionics.config.load import default_config_text, parse_config
 from avionics.errors import OutputExistsError, RecordingError
 from avionics.recording import LogWriter
 from avionics.records import Event, Health, MarkerTracks, Truth, WingShapeEstimate
-from avionics.topics import Record, topic_of
+from avionics.topics import Record
 from avionics.wse.pinhole import pinhole_from_config
 from drivers.samples import Frame, ImuSample
 
@@ -108,7 +108,7 @@ def flight_records(
 def write(path: Path, items: list[tuple[int, Record]]) -> Path:
     with LogWriter(path, CONFIG, metadata={"command": "sim"}) as writer:
         for arrival_ns, record in items:
-            writer.write(topic_of(record), record, record.t_ns, arrival_ns)
+            writer.write(record, arrival_ns)
     return path
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from avionics.config import Camera, Config, Estimator, Marker, Pod, Wing
 from avionics.flight.pipeline import Pipeline
 from avionics.records import Event, Health, MarkerTracks, WingShapeEstimate
+from avionics.topics import Record, topic_of
 from drivers.samples import ImuSample
 
 EPOCH_NS = 1_700_000_000_000_000_000
@@ -172,7 +173,8 @@ class ListSink:
         self.records: dict[str, list] = {}
         self.order: list[tuple[str, int]] = []
 
-    def write(self, topic: str, record: object, t_ns: int, arrival_ns: int) -> None:
+    def write(self, record: Record, arrival_ns: int) -> None:
+        topic = topic_of(record)
         self.records.setdefault(topic, []).append(record)
         self.order.append((topic, arrival_ns))
 

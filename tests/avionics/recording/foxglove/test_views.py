@@ -27,7 +27,6 @@ from avionics.recording import LogReader, LogWriter
 from avionics.recording.foxglove.views import FoxgloveViews
 from avionics.recording.schema.messages import from_timestamp, to_timestamp
 from avionics.records import MarkerTracks, Truth, WingShapeEstimate
-from avionics.topics import topic_of
 
 UTC_OFFSET_NS = 10**18
 
@@ -56,8 +55,8 @@ def log(log_path: Path, config: Config) -> Path:
                 estimate(t_ns, "crg", 100.0 + number),
                 Truth(t_ns, "right", "sim", np.zeros((0, 3)), np.zeros((4, 3))),
             ):
-                writer.write(topic_of(record), record, t_ns, t_ns)
-        writer.write(topic_of(tracks), tracks, tracks.t_ns, 110_000_000)
+                writer.write(record, t_ns)
+        writer.write(tracks, 110_000_000)
     return log_path
 
 
@@ -85,7 +84,7 @@ def test_motion_capture_shows_its_markers(log_path: Path, config: Config) -> Non
     markers = np.array([[0.1, 0.2, 0.3], [np.nan, np.nan, np.nan], [0.4, 0.5, 0.6]])
     with LogWriter(log_path, config) as writer:
         truth = Truth(0, "right", "mocap", markers)
-        writer.write(topic_of(truth), truth, 0, 0)
+        writer.write(truth, 0)
     (data,) = views(log_path, "/wing/right/scene")
     spheres = SceneUpdate.FromString(data).entities[0].spheres
     places = [(s.pose.position.x, s.pose.position.y, s.pose.position.z) for s in spheres]

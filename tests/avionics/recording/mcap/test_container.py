@@ -88,7 +88,7 @@ def written(config: Config, log_path: Path) -> list[tuple[str, Record, int]]:
         for repeat in range(40):
             for number, record in enumerate(make_records(np.random.default_rng(repeat))):
                 arrival_ns = (repeat * 11 + number) * RECORD_NS
-                writer.write(topic_of(record), record, record.t_ns, arrival_ns)
+                writer.write(record, arrival_ns)
                 made.append((topic_of(record), record, arrival_ns))
     return made
 
