@@ -18,7 +18,7 @@ from scipy.signal import butter, filtfilt, lfilter
 
 from avionics.analysis.history import between
 from avionics.config import Camera, Config, Estimator, Marker, Pod, Wing
-from avionics.config.links import ImuChip
+from avionics.config.links import Bno055Settings
 from avionics.datasets.motive import MotiveTake, read_motive
 from avionics.flight.pipeline import Pipeline
 from avionics.records import MarkerTracks, WingShapeEstimate
@@ -95,7 +95,7 @@ def configuration(motion: Motion, estimator: Estimator) -> Config:
         f_x_px=604, f_y_px=604, c_x_px=319.5, c_y_px=239.5, tilt_deg=-15, pan_deg=0,
         r_in_body_m=(-0.03, -0.12, -0.12), calibrated=True,
     )  # fmt: skip
-    chip = ImuChip(mode="ndof", gyro_bandwidth_hz=32)
+    chip = Bno055Settings(mode="ndof", gyro_bandwidth_hz=32)
     markers = tuple(Marker(id=i, s_m=s) for i, s in enumerate(places.values()))
     bare = Config(
         wing=Wing(span_m=span_m), camera=camera, estimator=estimator,

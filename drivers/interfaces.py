@@ -1,9 +1,11 @@
 """The seams between the drivers and what they talk to: real hardware or the simulated wing."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
 from drivers.events import Event
+from drivers.samples import ImuSample
 
 T_co = TypeVar("T_co", covariant=True)
 
@@ -43,6 +45,115 @@ class SerialPort(Protocol):
 
     def close(self) -> None:
         """Release the port."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ChipFault:
+    """Why a chip has to be brought up again.
+
+    Attributes
+    ----------
+    what : str
+        What was found and what was expected.
+    needs_reset : bool
+        Whether setting it anew will not do.
+    """
+
+    what: str
+    needs_reset: bool = False
+
+
+class ImuChip(Protocol):
+    """One inertial sensor as ``PolledImus`` reads it.
+
+    No call waits longer than its own transfers: what takes time is a generator of instants, and
+    the owner of the bus decides how to spend them.
+    """
+
+    @property
+    def name(self) -> str:
+        """What messages and counters call the chip: ``pod 1``."""
+        ...
+
+    @property
+    def uid(self) -> bytes:
+        """What no other chip answers; empty if the chip has no such number or is not up."""
+        ...
+
+    @property
+    def delay_s(self) -> float:
+        """Mean age of a rate when it is read, s: the delay of the filter and of the register."""
+        ...
+
+    @property
+    def delay_spread_s(self) -> float:
+        """Half of the interval, s, over which that age is spread evenly."""
+        ...
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """What happened how often, on the chip and on the way to it, by name."""
+        ...
+
+    def bring_up(self, *, reset: bool = False) -> Iterator[int]:
+        """Identify, set and verify; yields the steady times, ns, at which to go on.
+
+        Raises
+        ------
+        DriverError
+            If the chip is not there, is another one, or does not take its settings.
+        """
+        ...
+
+    def read(self, seq: int) -> ImuSample | None:
+        """Return a sample numbered ``seq``; None if what came was invalid or late (and counted).
+
+        Raises
+        ------
+        BusError, FrameFormatError
+            If the transfer and its repetition failed.
+        """
+        ...
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the last read calls for ``fault`` now, before its time."""
+        ...
+
+    def fault(self) -> ChipFault | None:
+        """Return why the chip has to be brought up again, or None; asked about once a second.
+
+        Raises
+        ------
+        BusError, FrameFormatError
+            If it cannot be asked.
+        """
+        ...
+
+
+@runtime_checkable
+class StoresCalibration(Protocol):
+    """A chip that learns a calibration which outlives its supply."""
+
+    def may_save_calibration(self) -> bool:
+        """Return whether there is a place for it and the chip has learnt all of it.
+
+        Raises
+        ------
+        BusError, FrameFormatError
+            If it cannot be asked.
+        """
+        ...
+
+    def save_calibration(self) -> Iterator[int]:
+        """Store it; yields instants, ns, to wait for.
+
+        Raises
+        ------
+        DriverError
+            If the bus fails or the calibration cannot be written.
+        """
         ...
 
 

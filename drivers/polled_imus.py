@@ -8,11 +8,10 @@ from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from drivers.bno055.device import Bno055
 from drivers.clock import Clock
 from drivers.errors import BusError, DriverError, FrameFormatError
 from drivers.events import Event, EventList, Level
-from drivers.interfaces import I2cBus, SerialPort
+from drivers.interfaces import ChipFault, I2cBus, ImuChip, SerialPort, StoresCalibration
 from drivers.reopening import Reopening
 from drivers.samples import ImuSample
 
@@ -25,7 +24,7 @@ FAILURES_TO_LOSE = 5
 class _Station:
     """One chip and what is being done about it."""
 
-    chip: Bno055
+    chip: ImuChip
     bring_up: Iterator[int] | None = None
     wake_ns: int = 0
     check_ns: int = 0
@@ -40,7 +39,7 @@ class PolledImus:
 
     Parameters
     ----------
-    devices : sequence of Bno055
+    chips : sequence of ImuChip
         The chips, in the order in which they are read.
     clock : Clock
         The steady clock; the poll keeps to absolute deadlines on it.
@@ -58,7 +57,7 @@ class PolledImus:
 
     def __init__(
         self,
-        devices: Sequence[Bno055],
+        chips: Sequence[ImuChip],
         clock: Clock,
         rate_hz: float = 100.0,
         *,
@@ -66,7 +65,7 @@ class PolledImus:
         name: str = "imus",
     ) -> None:
         self.name = name
-        self._stations = [_Station(chip, chip.bring_up()) for chip in devices]
+        self._stations = [_Station(chip, chip.bring_up()) for chip in chips]
         self._clock = clock
         self._period_ns = round(1e9 / rate_hz)
         self._bus = bus
@@ -86,7 +85,8 @@ class PolledImus:
             If a chip is missing, is another one, or does not take its settings.
         """
         for station in self._stations:
-            station.chip.open()
+            for t_ns in station.chip.bring_up():
+                self._clock.sleep_until_ns(t_ns)
             self._is_up(station)
 
     def read(self, timeout_s: float) -> ImuSample | None:
@@ -124,9 +124,7 @@ class PolledImus:
         shared = {"ticks_missed": self._ticks_missed}
         if isinstance(self._bus, Reopening):
             shared["bus_reopened"] = self._bus.reopened
-        return {
-            s.chip.name: {**shared, **s.chip.all_counters, **s.counters} for s in self._stations
-        }
+        return {s.chip.name: {**shared, **s.chip.counters, **s.counters} for s in self._stations}
 
     def take_events(self) -> list[Event]:
         """Return what happened since the last call."""
@@ -144,10 +142,13 @@ class PolledImus:
             self._bus = None
 
     def _save_calibration(self, station: _Station) -> None:
+        chip = station.chip
+        if not isinstance(chip, StoresCalibration):
+            return
         try:
-            if not station.chip.may_save_calibration():
+            if not chip.may_save_calibration():
                 return
-            for t_ns in station.chip.save_calibration():
+            for t_ns in chip.save_calibration():
                 self._clock.sleep_until_ns(t_ns)
         except DriverError as error:
             self._event(station, "warning", f"calibration not saved: {error}")
@@ -184,20 +185,15 @@ class PolledImus:
             is_check_due = now_ns >= station.check_ns
             if chip.is_doubtful or is_check_due:
                 station.check_ns = now_ns + CHECK_PERIOD_NS
-                ailment = chip.ailment()
-                if ailment is not None:
-                    self._heal(station, ailment)
+                fault = chip.fault()
+                if fault is not None:
+                    self._heal(station, fault)
                     return
         except (BusError, FrameFormatError) as error:
             self._failed(station, error)
             return
         station.failures = 0
-        if chip.is_frozen:
-            chip.expect_still_data()
-            station.counters["frozen"] += 1
-            station.needs_reset = True
-            self._heal(station, "data do not move")
-        elif sample is not None:
+        if sample is not None:
             self._ready.append(sample)
 
     def _failed(self, station: _Station, error: DriverError) -> None:
@@ -205,11 +201,13 @@ class PolledImus:
         station.failures += 1
         if station.failures >= FAILURES_TO_LOSE:
             station.is_lost = True
-            self._heal(station, f"no answer in {station.failures} ticks: {error}")
+            why = f"no answer in {station.failures} ticks: {error}"
+            self._heal(station, ChipFault(why))
 
-    def _heal(self, station: _Station, why: str) -> None:
+    def _heal(self, station: _Station, fault: ChipFault) -> None:
         station.counters["reinitialised"] += 1
-        self._event(station, "warning", f"{why}; bringing it up again")
+        station.needs_reset |= fault.needs_reset
+        self._event(station, "warning", f"{fault.what}; bringing it up again")
         self._restart(station, self._clock.now_ns())
 
     def _restart(self, station: _Station, wake_ns: int) -> None:

@@ -11,19 +11,17 @@ import numpy as np
 from avionics.analysis.clock_fit import ClockFit, Rates, fit_clocks
 from avionics.config import Config, one_wing
 from avionics.errors import JoinError
+from avionics.flight.chips import gyro_delay
 from avionics.recording import LogReader, LogWriter
 from avionics.recording.attached import CONFIG_TOML
 from avionics.records import Event, Truth
 from avionics.topics import Record
-from drivers.bno055.registers import MODE_BY_NAME, filter_delay_s, register_age_s
 from drivers.samples import ImuSample
 
 Alignment = Literal["auto", "shared", "rates"]
 ROLE: Final = "truth"
 MARGIN_NS: Final = 500_000_000
 TRUTH_CONFIG: Final = "truth-config.toml"
-# What a fusion mode sets; BNO055 data sheet rev. 1.4, Table 3-14.
-FUSION_BANDWIDTH_HZ: Final = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,12 +204,8 @@ def _fit(flown: LogReader, served: LogReader) -> tuple[ClockFit | None, str]:
 def _lag_s(config: Config, name: str) -> tuple[float, float]:
     """Return the mean delay of a pod's rates, s, and the one-sigma of the sampling phase."""
     pod = next(p for p in config.pods if p.name == name)
-    mode = MODE_BY_NAME[pod.chip.mode]
-    bandwidth_hz = FUSION_BANDWIDTH_HZ if mode.is_fusion else pod.chip.gyro_bandwidth_hz
-    age_s = register_age_s(mode, bandwidth_hz)
-    chosen = config.estimator.gyro_lag_s
-    lag_s = filter_delay_s(bandwidth_hz) + age_s if isinstance(chosen, str) else chosen
-    return lag_s, 2 * age_s / 12**0.5
+    delay, chosen = gyro_delay(pod.chip), config.estimator.gyro_lag_s
+    return delay.mean_s if isinstance(chosen, str) else chosen, delay.spread_s / 3**0.5
 
 
 def _rates(reader: LogReader) -> Mapping[str, Rates]:

@@ -60,7 +60,7 @@ Link = Annotated[I2cLink | UartLink | CanLink, Field(discriminator="kind")]
 GYRO_BANDWIDTHS_HZ = (12, 23, 32, 47, 64, 116, 230, 523)
 
 
-class ImuChip(Section):
+class Bno055Settings(Section):
     """How the BNO055 is set; read back and checked when it is opened."""
 
     mode: Literal["gyronly", "amg", "ndof", "imu"] = "amg"

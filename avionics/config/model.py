@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from avionics.config.links import CameraSource, ImuChip, Link, Section
+from avionics.config.links import Bno055Settings, CameraSource, Link, Section
 from avionics.config.shared import DistributedPos, Estimator, Recorder, Tracker, Vector3
 from avionics.errors import ConfigError
 from avionics.records import FloatArray
@@ -31,7 +31,7 @@ class Pod(Section):
     )
     link: Link | None = None
     """How the pod is connected; not needed for recorded data."""
-    chip: ImuChip = ImuChip()
+    chip: Bno055Settings = Bno055Settings()
     """Settings of its IMU."""
 
     @field_validator("R_sensor_from_local")

@@ -13,15 +13,16 @@ from rich.markup import escape
 from rich.table import Table
 
 from avionics.config import Camera, Config, Estimator, Marker, Pod, Recorder, Wing
-from avionics.config.links import GYRO_BANDWIDTHS_HZ, ImuChip
+from avionics.config.links import GYRO_BANDWIDTHS_HZ, Bno055Settings
 from avionics.config.load import explain
 from avionics.datasets.calibrate import SetCalibration, calibrate_set
 from avionics.datasets.format import DataSet, read_data_set
 from avionics.errors import DataSetError
+from avionics.flight.chips import gyro_delay
 from avionics.recording import LogWriter, appearing_whole
 from avionics.records import Event, Truth
 from avionics.topics import Record
-from drivers.bno055.registers import filter_delay_s
+from drivers.gyro_delay import low_pass_delay_s
 from drivers.samples import Frame, ImuSample
 
 CALIBRATION_JSON = "calibration.json"
@@ -155,12 +156,12 @@ def config_of(data: DataSet) -> Config:
     """
     wing, imu = data.wing, data.wing.imu
     bandwidth = min(GYRO_BANDWIDTHS_HZ, key=lambda hz: abs(hz - imu.gyro_bandwidth_hz))
-    chip = ImuChip.model_validate(
+    chip = Bno055Settings.model_validate(
         {"mode": "ndof", "gyro_bandwidth_hz": bandwidth, "rate_hz": imu.rate_hz}
     )
-    # A set says nothing of a register's age.
-    is_known = abs(bandwidth - imu.gyro_bandwidth_hz) < 0.5
-    lag_s = filter_delay_s(imu.gyro_bandwidth_hz)
+    # A set says nothing of a register's age. Fusion modes hold the bandwidth themselves.
+    lag_s = low_pass_delay_s(imu.gyro_bandwidth_hz)
+    is_known = abs(gyro_delay(chip).filter_s / lag_s - 1.0) * imu.gyro_bandwidth_hz < 0.5
     try:
         return Config(
             wing=Wing(

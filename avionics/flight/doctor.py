@@ -11,26 +11,24 @@ import smbus2
 
 from avionics.config import Camera, Pod
 from avionics.config.links import (
+    Bno055Settings,
     CanLink,
     FileCamera,
     GStreamerCamera,
     I2cLink,
-    ImuChip,
     UartLink,
 )
 from avionics.config.links import SocketCamera as SocketSource
 from avionics.config.links import V4l2Camera as V4l2Source
 from avionics.errors import ConfigError
-from drivers.bno055.bring_up import Settings
+from avionics.flight.chips import chip_settings, pod_settings
 from drivers.bno055.calibration import CalibrationFile
 from drivers.bno055.device import Bno055
 from drivers.bno055.ports import I2cRegisterPort, Tca9548a, UartRegisterPort
-from drivers.bno055.registers import MODE_BY_NAME
 from drivers.cameras import FrameProcess, V4l2Camera, VideoFile, jetson_csi_line
 from drivers.cameras.socket import SocketCamera
 from drivers.can.imus import CanImus
 from drivers.can.pod.codec import filters
-from drivers.can.pod.messages import ConfigKey
 from drivers.can.python_can import open_can
 from drivers.clock import Clock
 from drivers.errors import DeviceNotFoundError
@@ -80,16 +78,7 @@ def imu_openers(pods: Iterable[Pod], clock: Clock) -> list[Callable[[], Source[I
     return openers
 
 
-def _settings(chip: ImuChip) -> Settings:
-    return Settings(
-        mode=MODE_BY_NAME[chip.mode],
-        gyro_range_dps=chip.gyro_range_dps,
-        gyro_bandwidth_hz=chip.gyro_bandwidth_hz,
-        external_crystal=chip.external_crystal,
-    )
-
-
-def _calibrations(chip: ImuChip) -> CalibrationFile | None:
+def _calibrations(chip: Bno055Settings) -> CalibrationFile | None:
     return None if chip.calibration_file is None else CalibrationFile(Path(chip.calibration_file))
 
 
@@ -153,7 +142,7 @@ def _chip(pod: Pod, port: I2cRegisterPort | UartRegisterPort, clock: Clock) -> B
         port,
         clock,
         pod=pod.name,
-        settings=_settings(pod.chip),
+        settings=chip_settings(pod.chip),
         calibrations=_calibrations(pod.chip),
     )
 
@@ -197,20 +186,6 @@ def _trigger_hz(where: str, pods: list[Pod]) -> float:
         msg = f"{where}: some pods are triggered, some are not; give all links the same"
         raise ConfigError(msg)
     return _common_rate_hz(where, pods) if wanted.pop() else 0.0
-
-
-def pod_settings(chip: ImuChip) -> dict[ConfigKey, int]:
-    """Return what a CAN pod is asked to set for a chip's configuration."""
-    mode = MODE_BY_NAME[chip.mode]
-    wanted = {ConfigKey.MODE: int(mode)}
-    if not mode.is_fusion:
-        wanted[ConfigKey.GYRO_RANGE_DPS] = chip.gyro_range_dps
-        wanted[ConfigKey.GYRO_BANDWIDTH_HZ] = chip.gyro_bandwidth_hz
-    wanted[ConfigKey.RATE_HZ] = round(chip.rate_hz)
-    wanted[ConfigKey.STREAMS] = int(mode.has_accel) | int(mode.has_mag) << 1
-    if chip.external_crystal:
-        wanted[ConfigKey.EXTERNAL_CRYSTAL] = 1
-    return wanted
 
 
 def open_camera(camera: Camera, clock: Clock) -> Source[Frame]:

@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from avionics.config import Estimator, Pod
-from avionics.config.links import ImuChip
+from avionics.config.links import Bno055Settings
+from avionics.flight.chips import gyro_delay
 from avionics.flight.health import HealthLog
 from avionics.flight.sample_clock import SampleClock
-from drivers.bno055.registers import MODE_BY_NAME, filter_delay_s, register_age_s
 from drivers.samples import ImuSample
 
 # A step of the rate between samples beyond what the recent motion explains. The floor lets a
@@ -100,19 +100,16 @@ class ImuChannel:
     ) -> None:
         self._source = source
         self._health = health
-        chip = pod.chip if pod is not None else ImuChip()
+        chip = pod.chip if pod is not None else Bno055Settings()
         period_s = 1.0 / chip.rate_hz
         general = estimator.form == "general"
         lag_s = estimator.gyro_lag_s
         if not general and isinstance(lag_s, str):
             lag_s = 0.0
         elif lag_s == "filter":
-            lag_s = filter_delay_s(chip.gyro_bandwidth_hz)
+            lag_s = gyro_delay(chip).filter_s
         elif lag_s == "auto":
-            mode = MODE_BY_NAME[chip.mode]
-            lag_s = filter_delay_s(chip.gyro_bandwidth_hz) + register_age_s(
-                mode, chip.gyro_bandwidth_hz
-            )
+            lag_s = gyro_delay(chip).mean_s
         self._lag_ns = round(1e9 * float(lag_s))
         # Our drivers know when a chip measured: a late poll has read newer data. What others
         # recorded may be late stamps of a regular clock.

@@ -1,4 +1,4 @@
-"""How a BNO055 shall be set, and the sequence that sets it and proves that it took."""
+"""The sequence that sets a BNO055 and proves that it took."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -11,33 +11,9 @@ from drivers.bno055 import registers as reg
 from drivers.bno055.calibration import CalibrationStore
 from drivers.bno055.ports import RegisterPort
 from drivers.bno055.registers import Mode
+from drivers.bno055.settings import Settings
 from drivers.clock import Clock
 from drivers.errors import BusError, DeviceNotFoundError, FrameFormatError
-
-
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """What is written to the chip and must read back.
-
-    Attributes
-    ----------
-    mode : Mode
-        Operation mode. In fusion modes the chip overrides range and bandwidth (2000 deg/s, 32 Hz).
-    gyro_range_dps, gyro_bandwidth_hz : int
-        Range, deg/s, and bandwidth, Hz, of the raw modes.
-    external_crystal : bool
-        Whether a 32 kHz crystal is fitted and shall be used.
-    """
-
-    mode: Mode = Mode.AMG
-    gyro_range_dps: int = 2000
-    gyro_bandwidth_hz: int = 32
-    external_crystal: bool = False
-
-    @property
-    def gyro_scale_rad_s(self) -> float:
-        """Worth of one LSB of the gyro registers, rad/s."""
-        return reg.gyro_scale_rad_s(self.mode, self.gyro_range_dps)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,13 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.bno055 import registers as reg
-from drivers.bno055.bring_up import BringUp, ChipState, Settings
+from drivers.bno055.bring_up import BringUp, ChipState
 from drivers.bno055.burst_time import BurstTime
 from drivers.bno055.calibration import CalibrationStore, is_complete, read_offsets
 from drivers.bno055.ports import RegisterPort
-from drivers.bno055.screening import Words, agree, is_all_zero, is_suspicious, words
+from drivers.bno055.repeats import Repeats
+from drivers.bno055.screening import Words, agree, is_suspicious, words
+from drivers.bno055.settings import Settings
 from drivers.clock import Clock
 from drivers.errors import BusError, DriverError, FrameFormatError
+from drivers.interfaces import ChipFault
 from drivers.samples import ImuSample
 
 FloatArray = NDArray[np.float64]
@@ -25,11 +28,7 @@ FloatArray = NDArray[np.float64]
 # A second look costs one burst, so these may be passed by a hard manoeuvre.
 GYRO_STEP_RAD_S = 3.5
 ACCEL_STEP_M_S2 = 60.0
-# The chip makes data as often as it is read; noise alone moves some bit of the next burst.
-STALE_AFTER = 5
-FROZEN_AFTER = 25
 LONGEST_LEAD_NS = 30_000_000
-REPEATS_BEFORE_PAGE_CHECK = 3
 
 
 class Bno055:
@@ -47,11 +46,6 @@ class Bno055:
         Mode, range, bandwidth, crystal.
     calibrations : CalibrationStore or None
         Where calibration offsets are kept by chip.
-
-    Attributes
-    ----------
-    counters : Counter of str
-        What went wrong how often, by name.
     """
 
     def __init__(
@@ -65,7 +59,7 @@ class Bno055:
     ) -> None:
         self.pod = pod
         self.settings = settings if settings is not None else Settings()
-        self.counters: Counter[str] = Counter()
+        self._counters: Counter[str] = Counter()
         self.state: ChipState | None = None
         self._port = port
         self._clock = clock
@@ -82,7 +76,7 @@ class Bno055:
         self._previous: Words | None = None
         self._slope: FloatArray | None = None
         self._previous_ns = 0
-        self._frozen_after = FROZEN_AFTER
+        self._repeats = Repeats(mode, self._counters)
         self._is_vague = False
         self._forget()
 
@@ -92,9 +86,24 @@ class Bno055:
         return f"pod {self.pod}"
 
     @property
-    def all_counters(self) -> dict[str, int]:
+    def counters(self) -> dict[str, int]:
         """Counters of the chip and of its port together."""
-        return dict(self.counters + self._port.counters)
+        return dict(self._counters + self._port.counters)
+
+    @property
+    def uid(self) -> bytes:
+        """Unique id of the chip, 16 bytes; empty while it is not up."""
+        return b"" if self.state is None else self.state.uid
+
+    @property
+    def delay_s(self) -> float:
+        """Mean age of a rate when it is read, s, in the mode that was read back."""
+        return self.settings.delay.mean_s
+
+    @property
+    def delay_spread_s(self) -> float:
+        """Half of the interval, s, over which that age is spread evenly."""
+        return self.settings.delay.spread_s
 
     def bring_up(self, *, reset: bool = False) -> Iterator[int]:
         """Identify, configure and verify; yields the steady times at which to go on.
@@ -111,7 +120,7 @@ class Bno055:
             name=self.name,
             settings=self.settings,
             calibrations=self._calibrations,
-            counters=self.counters,
+            counters=self._counters,
         )
         yield from sequence.steps(reset=reset)
         self.state = sequence.state
@@ -148,24 +157,33 @@ class Bno055:
             if second is None:
                 return None
             t_ns, values = second
-        if not self._is_alive(values):
+        if not self._repeats.pass_on(values, self._previous):
             return None
         if self._is_vague:
-            self.counters["read_slow"] += 1
+            self._counters["read_slow"] += 1
             return None
         self._remember(t_ns, values)
-        self.counters["samples"] += 1
+        self._counters["samples"] += 1
         return self._sample(t_ns, seq, values)
 
-    def ailment(self) -> str | None:
-        """Return what is wrong with the chip's state, or None; to be asked about once a second.
+    def fault(self) -> ChipFault | None:
+        """Return what is wrong with the chip, or None; to be asked about once a second.
 
         Raises
         ------
         BusError, FrameFormatError
             If it cannot be asked.
         """
-        self._is_doubtful = False
+        if self._repeats.is_frozen:  # needs a reset whatever the registers say
+            self._repeats.wait_longer()
+            self._counters["frozen"] += 1
+            return ChipFault("data do not move", needs_reset=True)
+        wrong = self._wrong_state()
+        return None if wrong is None else ChipFault(wrong)
+
+    def _wrong_state(self) -> str | None:
+        """Return which register reads what it should not, or None."""
+        self._repeats.is_doubtful = False
         if self._put_page_back():
             return None
         block = self._port.read(reg.SYS_STATUS, reg.PWR_MODE - reg.SYS_STATUS + 1)
@@ -178,22 +196,13 @@ class Bno055:
             return f"SYS_ERR reads 0x{error:02X}, expected 0x00"
         if units != reg.UNITS:
             return f"UNIT_SEL reads 0x{units:02X}, expected 0x{reg.UNITS:02X}"
-        self._is_verified = True
+        self._repeats.verified()
         return None
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether the last data call for ``ailment`` now."""
-        return self._is_doubtful
-
-    @property
-    def is_frozen(self) -> bool:
-        """Whether the data have not moved for so long that only a reset may help."""
-        return self._repeats >= self._frozen_after
-
-    def expect_still_data(self) -> None:
-        """Wait twice as long before the next verdict of frozen data: a reset did not help."""
-        self._frozen_after *= 2
+        """Whether the last data call for ``fault`` now."""
+        return self._repeats.is_doubtful or self._repeats.is_frozen
 
     def may_save_calibration(self) -> bool:
         """Return whether there is a store and the chip says that it is fully calibrated.
@@ -225,8 +234,7 @@ class Bno055:
 
     def _forget(self) -> None:
         self._previous = self._slope = None
-        self._repeats = 0
-        self._is_doubtful = self._is_verified = False
+        self._repeats.forget()
         self._burst_time = BurstTime(self._length)
 
     def _burst(self) -> tuple[int, Words]:
@@ -239,7 +247,7 @@ class Bno055:
         try:
             data = self._port.read(self._first, self._length)
         except (BusError, FrameFormatError):
-            self.counters["retries"] += 1
+            self._counters["retries"] += 1
             before_ns = self._clock.now_ns()
             data = self._port.read(self._first, self._length)
         taken_ns = self._port.taken_ns
@@ -268,11 +276,11 @@ class Bno055:
         t_ns, second = self._burst()
         if not is_suspicious(second, expected, self._step_limit):
             if is_suspicious(values, second, self._step_limit):
-                self.counters["spikes"] += 1
+                self._counters["spikes"] += 1
             return t_ns, second
         if agree(second, values, self._step_limit) and not self._put_page_back():
             return t_ns, second  # the wing did move like this
-        self.counters["rejected"] += 1
+        self._counters["rejected"] += 1
         return None
 
     def _put_page_back(self) -> bool:
@@ -280,32 +288,9 @@ class Bno055:
         # Only bit 0: a false bit 7 must not look like a wrong page.
         if not self._port.read(reg.PAGE_ID, 1)[0] & 1:
             return False
-        self.counters["wrong_page"] += 1
+        self._counters["wrong_page"] += 1
         self._port.write(reg.PAGE_ID, b"\x00")
         self._forget()
-        return True
-
-    def _is_alive(self, values: Words) -> bool:
-        """Count repeats and refuse stale data.
-
-        All-zero data are refused at once, unless a gyro alone may show them at rest.
-        """
-        is_zero = is_all_zero(values)
-        if not is_zero and (self._previous is None or not np.array_equal(values, self._previous)):
-            self._repeats = 0
-            self._is_doubtful = self._is_verified = False
-            self._frozen_after = FROZEN_AFTER
-            return True
-        self._repeats += 1
-        self._is_doubtful |= is_zero and not self._is_verified
-        self._is_doubtful |= self._repeats % FROZEN_AFTER == REPEATS_BEFORE_PAGE_CHECK
-        if is_zero and (self.settings.mode.has_accel or not self._is_verified):
-            self.counters["all_zero"] += 1
-            return False
-        self.counters["repeated"] += 1
-        if self._repeats >= STALE_AFTER:
-            self.counters["stale"] += 1
-            return False
         return True
 
     def _sample(self, t_ns: int, seq: int, values: Words) -> ImuSample:

@@ -80,36 +80,19 @@ class Mode(IntEnum):
         return self in (Mode.AMG, Mode.NDOF)
 
 
-MODE_BY_NAME: Final = {
-    "gyronly": Mode.GYRONLY,
-    "amg": Mode.AMG,
-    "imu": Mode.IMU,
-    "ndof": Mode.NDOF,
-}
 GYRO_RANGE_BITS: Final = {2000: 0, 1000: 1, 500: 2, 250: 3, 125: 4}
 GYRO_BANDWIDTH_BITS: Final = {523: 0, 230: 1, 116: 2, 47: 3, 23: 4, 12: 5, 64: 6, 32: 7}
 # How often the data registers change, by bandwidth; BMI055 data sheet, register RANGE/BW.
 GYRO_DATA_HZ: Final = {523: 2000, 230: 2000, 116: 1000, 47: 400, 23: 200, 12: 100, 64: 200, 32: 100}
+# What the fusion modes set, whatever is configured; Sec. 3.3, table 3-14.
 FUSION_DATA_HZ: Final = 100
+FUSION_BANDWIDTH_HZ: Final = 32
 
 ACCEL_SCALE_M_S2: Final = 0.01
 MAG_SCALE_T: Final = 1e-6 / 16
 GYRO_FUSION_SCALE_DPS: Final = 1 / 16
 # Offsets are in fusion units whatever the range; Sec. 3.6.4.
 GYRO_OFFSET_SCALE_RAD_S: Final = math.radians(1 / 16)
-
-
-def filter_delay_s(bandwidth_hz: float) -> float:
-    """Return the delay of the gyro's second-order low-pass at low frequency, s."""
-    return math.sqrt(2.0) / (2.0 * math.pi * bandwidth_hz)
-
-
-def register_age_s(mode: Mode, bandwidth_hz: int) -> float:
-    """Return the mean age of a register that changes at the chip's own pace, s.
-
-    The reads stand at no fixed phase to it.
-    """
-    return 0.5 / (FUSION_DATA_HZ if mode.is_fusion else GYRO_DATA_HZ[bandwidth_hz])
 
 
 def gyro_config(range_dps: int, bandwidth_hz: int) -> int:

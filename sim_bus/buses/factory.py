@@ -9,12 +9,11 @@ import numpy as np
 from avionics.config import Config, Pod
 from avionics.config.links import CanLink, I2cLink, UartLink
 from avionics.errors import ConfigError
-from drivers.bno055.bring_up import Settings
+from avionics.flight.chips import chip_settings, pod_settings
 from drivers.bno055.device import Bno055
 from drivers.bno055.ports import I2cRegisterPort, RegisterPort, Tca9548a, UartRegisterPort
-from drivers.bno055.registers import Mode
+from drivers.bno055.settings import Settings
 from drivers.can.imus import CanImus
-from drivers.can.pod.messages import ConfigKey
 from drivers.can.python_can import PythonCanPort
 from drivers.clock import Clock
 from drivers.interfaces import Source
@@ -29,8 +28,6 @@ from sim_bus.clock import SimClock
 from sim_bus.timeline import ParallelImus, Timeline
 from sim_bus.wing.scenario import ImuQuality
 
-MODES = {"gyronly": Mode.GYRONLY, "amg": Mode.AMG, "imu": Mode.IMU, "ndof": Mode.NDOF}
-STREAM_ACCEL = 1
 Opener = Callable[[], None]
 Links = Mapping[str, I2cLink | UartLink | CanLink]
 Opened = list[tuple[Source[ImuSample], Opener]]
@@ -83,13 +80,7 @@ def _polled(
 
 
 def _device(port: RegisterPort, clock: Clock, pod: Pod) -> Bno055:
-    settings = Settings(
-        mode=MODES[pod.chip.mode],
-        gyro_range_dps=pod.chip.gyro_range_dps,
-        gyro_bandwidth_hz=pod.chip.gyro_bandwidth_hz,
-        external_crystal=pod.chip.external_crystal,
-    )
-    return Bno055(port, clock, pod=pod.name, settings=settings)
+    return Bno055(port, clock, pod=pod.name, settings=chip_settings(pod.chip))
 
 
 def i2c_sources(parts: Parts, config: Config, links: Links, *, byte_ns: int) -> Opened:
@@ -185,21 +176,8 @@ def can_sources(
             PythonCanPort(bus, parts.clock, name=f"can {name}"),
             {link.node: pod.name for pod, link in members},
             parts.clock,
-            settings={link.node: pod_settings(pod) for pod, link in members},
+            settings={link.node: pod_settings(pod.chip) for pod, link in members},
             trigger_hz=max(pod.chip.rate_hz * link.triggered for pod, link in members),
         )
         opened.append((source, source.open))
     return opened
-
-
-def pod_settings(pod: Pod) -> dict[ConfigKey, int]:
-    """Return what a CAN pod is told to be."""
-    mode = MODES[pod.chip.mode]
-    settings = {ConfigKey.MODE: int(mode), ConfigKey.RATE_HZ: round(pod.chip.rate_hz)}
-    if not mode.is_fusion:
-        settings[ConfigKey.GYRO_RANGE_DPS] = pod.chip.gyro_range_dps
-        settings[ConfigKey.GYRO_BANDWIDTH_HZ] = pod.chip.gyro_bandwidth_hz
-    settings[ConfigKey.STREAMS] = STREAM_ACCEL if mode.has_accel else 0
-    if pod.chip.external_crystal:
-        settings[ConfigKey.EXTERNAL_CRYSTAL] = 1
-    return settings

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from drivers.bno055.bring_up import Settings
 from drivers.bno055.registers import Mode
+from drivers.bno055.settings import Settings
 from sim_bus.guests.uml import missing, run_in_guest
 from tests.drivers import kernel_faults
 from tests.drivers.cameras import camera_faults

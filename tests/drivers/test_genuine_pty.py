@@ -14,10 +14,10 @@ import serial
 from avionics.config import Pod
 from avionics.config.links import UartLink
 from avionics.flight.doctor import imu_openers
-from drivers.bno055.bring_up import Settings
 from drivers.bno055.device import Bno055
 from drivers.bno055.ports import UartRegisterPort
 from drivers.bno055.registers import Mode
+from drivers.bno055.settings import Settings
 from drivers.clock import SteadyClock
 from drivers.errors import BusTimeoutError, DeviceNotFoundError
 from drivers.polled_imus import PolledImus

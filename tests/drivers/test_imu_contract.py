@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from drivers.bno055.bring_up import Settings
 from drivers.bno055.registers import Mode
+from drivers.bno055.settings import Settings
 from drivers.errors import DeviceNotFoundError
 from tests.drivers.wing_bench import LAG_NS, NOISELESS, SECOND, Swing
 
@@ -41,6 +41,25 @@ class TestImuContract:
         # 5 ms of unknown age at 4 pi rad/s^2, and the noise.
         assert np.abs(rate_error(samples)).max() < 4 * np.pi * 0.006 + 0.01
         assert np.mean([s.rate_rad_s[2] for s in samples]) == pytest.approx(-0.3, abs=1e-3)
+
+    @pytest.mark.parametrize(
+        ("mode", "bandwidth_hz"),
+        [(Mode.GYRONLY, 230), (Mode.GYRONLY, 32), (Mode.AMG, 47), (Mode.NDOF, 230)],
+    )
+    def test_rates_are_as_old_as_the_chip_says(self, bench, bus, mode, bandwidth_hz) -> None:
+        settings = Settings(mode=mode, gyro_bandwidth_hz=bandwidth_hz)
+        one = bench(bus, settings=settings, grade=NOISELESS)
+        one.imus.open()
+        one.fly(0.5)
+        samples = one.fly(3.0)
+        t_ns = np.array([s.t_ns for s in samples])
+        found = np.array([s.rate_rad_s[0] for s in samples])
+        ages_s = np.arange(0.0, 0.025, 0.0005)
+        missed = [np.std(found - Swing.rate(t_ns - age * 1e9)) for age in ages_s]
+        age_s = ages_s[np.argmin(missed)]
+        delay = settings.delay
+        # On one pass the reads stand at one phase to the register, anywhere in its period.
+        assert abs(age_s - delay.mean_s) < delay.spread_s + 0.001
 
     @pytest.mark.parametrize(
         ("mode", "range_dps"),

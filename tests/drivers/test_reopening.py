@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 import serial
 
-from drivers.bno055.bring_up import Settings
 from drivers.bno055.device import Bno055
 from drivers.bno055.ports import I2cRegisterPort
+from drivers.bno055.settings import Settings
 from drivers.polled_imus import PolledImus
 from drivers.reopening import ReopeningI2cBus, ReopeningSerial
 from tests.drivers.wing_bench import make_bench

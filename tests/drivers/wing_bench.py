@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 import can
 import numpy as np
 
-from drivers.bno055.bring_up import Settings
 from drivers.bno055.calibration import CalibrationStore
 from drivers.bno055.device import Bno055
 from drivers.bno055.ports import I2cRegisterPort, Tca9548a, UartRegisterPort
 from drivers.bno055.registers import Mode
+from drivers.bno055.settings import Settings
 from drivers.can.imus import CanImus
 from drivers.can.pod.messages import ConfigKey
 from drivers.polled_imus import PolledImus

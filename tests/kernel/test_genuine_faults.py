@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import smbus2
 
-from drivers.bno055.bring_up import Settings
 from drivers.bno055.device import Bno055
 from drivers.bno055.ports import I2cRegisterPort, Tca9548a
 from drivers.bno055.registers import Mode
+from drivers.bno055.settings import Settings
 from drivers.clock import SteadyClock
 from drivers.polled_imus import PolledImus
 from drivers.reopening import ReopeningI2cBus

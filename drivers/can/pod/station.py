@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.bno055 import registers as reg
-from drivers.bno055.device import STALE_AFTER
+from drivers.bno055.repeats import STALE_AFTER
 from drivers.can.pod.messages import (
     COUNTER_NAMES,
     LAYOUT_VERSION,

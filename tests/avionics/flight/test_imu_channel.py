@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from avionics.config import Estimator, Pod
-from avionics.config.links import CanLink, I2cLink, UartLink
+from avionics.config.links import Bno055Settings, CanLink, I2cLink, UartLink
+from avionics.flight.chips import gyro_delay
 from avionics.flight.health import HealthLog
 from avionics.flight.imu_channel import ImuChannel
-from drivers.bno055.registers import MODE_BY_NAME, filter_delay_s, register_age_s
 from drivers.samples import ImuSample
 from tests.avionics.wse.flight import ListSink
 
 PERIOD_NS = 10_000_000
+SECOND_NS = 1_000_000_000
 # A host that is busy polls late, never early.
 LATE_NS = np.random.default_rng(3).exponential(2.5e6, 600).clip(0, 8e6).astype(int)
 READS_NS = 7_000_000_000 + np.arange(600) * PERIOD_NS + LATE_NS
@@ -22,7 +23,7 @@ def used_times_ns(pod: Pod) -> np.ndarray:
     channel = ImuChannel(
         "pod 0", pod, Estimator(), is_mirrored=False, health=HealthLog(ListSink())
     )  # fmt: skip
-    lag_s = filter_delay_s(32) + register_age_s(MODE_BY_NAME[pod.chip.mode], 32)
+    lag_s = gyro_delay(pod.chip).mean_s
     used = []
     for seq, t_ns in enumerate(READS_NS.tolist()):
         rate = np.array([1e-3 * np.sin(seq), 0.0, 0.0])
@@ -43,3 +44,34 @@ def test_a_data_sets_late_stamps_are_of_a_regular_clock() -> None:
     used = used_times_ns(Pod(id=0, s_m=1.0))
     late_ns = (used - (READS_NS - LATE_NS))[200:]
     assert np.abs(late_ns).max() < 0.25 * LATE_NS.mean()
+
+
+def low_pass_s(bandwidth_hz: float) -> float:
+    return float(np.sqrt(2)) / (2 * np.pi * bandwidth_hz)
+
+
+@pytest.mark.parametrize(
+    ("mode", "bandwidth_hz", "lag", "age_s"),
+    [
+        ("amg", 32, "auto", low_pass_s(32) + 0.5 / 100),
+        ("gyronly", 230, "auto", low_pass_s(230) + 0.5 / 2000),
+        ("gyronly", 230, "filter", low_pass_s(230)),
+        # The chip fuses at 32 Hz and 100 values a second, whatever is configured (Table 3-14).
+        ("ndof", 230, "auto", low_pass_s(32) + 0.5 / 100),
+        ("ndof", 230, "filter", low_pass_s(32)),
+        ("imu", 523, "auto", low_pass_s(32) + 0.5 / 100),
+    ],
+)
+def test_a_rate_is_as_old_as_its_mode_makes_it(mode, bandwidth_hz, lag, age_s) -> None:
+    pod = Pod(
+        id=0,
+        s_m=1.0,
+        link=I2cLink(),
+        chip=Bno055Settings(mode=mode, gyro_bandwidth_hz=bandwidth_hz),
+    )
+    channel = ImuChannel(
+        "pod 0", pod, Estimator(gyro_lag_s=lag), is_mirrored=False, health=HealthLog(ListSink())
+    )
+    taken = channel.take(ImuSample(SECOND_NS, "0", 0, np.array([0.1, 0.0, 0.0])), SECOND_NS)
+    assert taken is not None
+    assert SECOND_NS - taken[0] == pytest.approx(1e9 * age_s, abs=2)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from drivers.bno055.bring_up import Settings
 from drivers.bno055.calibration import CalibrationFile
 from drivers.bno055.device import Bno055
 from drivers.bno055.ports import I2cRegisterPort
 from drivers.bno055.registers import Mode
 from drivers.bno055.screening import is_suspicious
+from drivers.bno055.settings import Settings
 from drivers.errors import DeviceNotFoundError, DriverError, FrameFormatError
 from sim_bus.clock import SimClock
 from tests.drivers.bno055_scripts import ScriptedI2c

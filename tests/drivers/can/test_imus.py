@@ -6,8 +6,8 @@ import can
 import numpy as np
 import pytest
 
-from drivers.bno055.bring_up import Settings
 from drivers.bno055.registers import GYR_DATA, Mode
+from drivers.bno055.settings import Settings
 from drivers.can.imus import CanImus
 from drivers.can.pod.codec import encode
 from drivers.can.pod.messages import Axes, Identity, Kind, Sample, Sync
