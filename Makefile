@@ -10,7 +10,7 @@ CONSTRAINT := $(shell $(PYTHON) -c 'import sys; print("-c requirements.lock" if 
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends
 
-.PHONY: help demo test check rig rig-apt rig-foreign rig-proof gst-apt vm vm-apt firmware firmware-test firmware-proof proof bench lock clean
+.PHONY: help demo test check docs rig rig-apt rig-foreign rig-proof gst-apt vm vm-apt firmware firmware-test firmware-proof proof bench lock clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 18
@@ -37,6 +37,12 @@ check: $(VENV)/.installed ## lint, format, import contracts and types
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/mypy
+
+docs: $(VENV)/.installed ## build the documentation as a site in out/site; warnings are errors
+	$(BIN)/python -c 'import latex2mathml, material' 2>/dev/null || \
+	  $(BIN)/pip install -q --disable-pip-version-check $(CONSTRAINT) -e '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "site: $(OUT)/site/index.html"
 
 rig-apt: ## install what the uml tier needs
 	command -v linux.uml >/dev/null && command -v candump >/dev/null && command -v i2cdetect >/dev/null && command -v ip >/dev/null && command -v insmod >/dev/null || \

@@ -1,12 +1,13 @@
 """What a newcomer meets first: links that lead somewhere, steps that exist, one version."""
 
+import importlib.util
 import re
 from pathlib import Path
 
 import pytest
 import yaml
 
-from tests.pages import PAGES, ROOT, link_targets, read
+from tests.pages import PAGES, ROOT, code_places, link_targets, place_exists, read
 
 EXTERNAL = ("http://", "https://", "mailto:")
 
@@ -53,3 +54,26 @@ def test_one_version_everywhere() -> None:
     assert cited["version"] == version
     assert str(cited["date-released"]) in read(Path("CHANGELOG.md"))
     assert version in read(Path("CHANGELOG.md"))
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if code_places(read(p))], ids=str)
+def test_places_that_a_page_names_are_in_the_code(page: Path) -> None:
+    assert [p for p in code_places(read(page)) if not place_exists(p)] == []
+
+
+def test_method_names_the_place_of_every_equation_of_the_paper() -> None:
+    """Each section with a displayed equation lists where it stands."""
+    sections = re.split(r"^#{2,3} ", read(Path("docs/method.md")), flags=re.MULTILINE)
+    with_equations = [s for s in sections if "```math" in s]
+    assert len(with_equations) >= 6
+    assert [s.splitlines()[0] for s in with_equations if not code_places(s)] == []
+
+
+def test_picture_of_the_wing_is_drawn_from_the_packaged_configuration(tmp_path: Path) -> None:
+    spec = importlib.util.spec_from_file_location("picture", ROOT / "docs/make_wing_picture.py")
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    script.main(tmp_path / "wing.svg")
+    assert (tmp_path / "wing.svg").read_text("utf-8").count("<path") > 50
