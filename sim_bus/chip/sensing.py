@@ -145,7 +145,8 @@ class Sensing:
         # Nothing tells when the chip latches: the phase is its own.
         self._power_on_ns = power_on_ns - round(float(rng.random()) * 1e7)
         self._gyro_hz, self._acc_hz, self._data_hz = 32.0, 62.5, 100.0
-        self._orders, self._transport_ns = (2, 2), 0
+        self._orders: tuple[int, int] = (2, 2)
+        self._delay_s: float | None = None
         self._block: tuple[int, FloatArray, FloatArray, FloatArray] | None = None
         self._filters: tuple[int, FloatArray, FloatArray] | None = None
         self._walk_rad_s, self._walk_index = np.zeros(3), 0
@@ -158,7 +159,7 @@ class Sensing:
         data_hz: float = 100.0,
         *,
         orders: tuple[int, int] = (2, 2),
-        transport_ns: int = 0,
+        delay_s: float | None = None,
     ) -> None:
         """Set the low-passes and the data rate; filters settle anew where one changes.
 
@@ -170,15 +171,16 @@ class Sensing:
             How often the chip latches, Hz.
         orders : tuple of int
             Orders of both low-passes.
-        transport_ns : int
-            Delay of what else lies between sensor and register, the same at all frequencies, ns.
+        delay_s : float, optional
+            Delay of the gyro's whole path at low frequency, s: what the low-pass does not make
+            of it is the same at all frequencies. The low-pass alone if absent.
         """
-        wanted = (gyro_hz, acc_hz, data_hz, orders, transport_ns)
+        wanted = (gyro_hz, acc_hz, data_hz, orders, delay_s)
         if wanted != (
-            self._gyro_hz, self._acc_hz, self._data_hz, self._orders, self._transport_ns,
+            self._gyro_hz, self._acc_hz, self._data_hz, self._orders, self._delay_s,
         ):  # fmt: skip
             self._gyro_hz, self._acc_hz, self._data_hz = gyro_hz, acc_hz, data_hz
-            self._orders, self._transport_ns = orders, transport_ns
+            self._orders, self._delay_s = orders, delay_s
             self._block = self._filters = None
             self._walk_index = 0
 
@@ -225,7 +227,7 @@ class Sensing:
         count = (self._per_block + settle) * n_sub
         ticks = (index - settle - 1) * n_sub + 1 + np.arange(count)
         t_ns = self._power_on_ns + np.rint(ticks * (self._period_ns / n_sub)).astype(np.int64)
-        rate, force, flux = self._motion.sense(t_ns - self._transport_ns)
+        rate, force, flux = self._motion.sense(t_ns - self._pure_delay_ns(step_s))
         rate = rate @ errors.gyro_matrix.T + self._noise(
             count, np.radians(errors.grade.gyro_noise_dps_sqrthz), step_s
         )
@@ -246,6 +248,16 @@ class Sensing:
     def _noise(self, count: int, density: float, step_s: float) -> FloatArray:
         sigma = density * np.sqrt(0.5 / step_s)
         return np.asarray(sigma * self._rng.standard_normal((count, 3)))
+
+    def _pure_delay_ns(self, step_s: float) -> int:
+        """Return the part of the wanted delay that the gyro's low-pass does not make, ns."""
+        if self._delay_s is None:
+            return 0
+        sos, _ = _design(self._orders[0], min(self._gyro_hz, 0.45 / step_s), 1 / step_s)
+        taps = np.arange(3)
+        b, a = sos[:, :3], sos[:, 3:]
+        own = float((b @ taps / b.sum(axis=1) - a @ taps / a.sum(axis=1)).sum()) * step_s
+        return round(1e9 * max(self._delay_s - own, 0.0))
 
     def _low_pass(
         self, signal: FloatArray, sensor: int, step_s: float, *, continues: bool

@@ -1,0 +1,1 @@
+"""The simulated ICM-42688-P."""
