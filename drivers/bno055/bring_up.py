@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from drivers.bno055 import registers as reg
 from drivers.bno055.calibration import CalibrationStore
-from drivers.bno055.ports import RegisterPort
 from drivers.bno055.registers import Mode
 from drivers.bno055.settings import Settings
 from drivers.clock import Clock
 from drivers.errors import BusError, DeviceNotFoundError, FrameFormatError
+from drivers.register_port import PatientRegisters, RegisterPort
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,8 +58,6 @@ class BringUp:
         Where retries are counted.
     """
 
-    ATTEMPTS = 3
-
     def __init__(
         self,
         port: RegisterPort,
@@ -71,6 +69,7 @@ class BringUp:
         counters: Counter[str],
     ) -> None:
         self._port = port
+        self._registers = PatientRegisters(port, name, counters)
         self._clock = clock
         self._name = name
         self._settings = settings
@@ -93,11 +92,11 @@ class BringUp:
             self._port.write_blind(reg.SYS_TRIGGER, bytes((reg.RESET_SYSTEM,)))
             yield self._clock.now_ns() + reg.RESET_NS
             yield from self._identify()
-        self._write(reg.PAGE_ID, b"\x00")
+        self._registers.write(reg.PAGE_ID, b"\x00")
         yield from self._switch(Mode.CONFIG)
         self._check_self_test()
-        self._set(reg.PWR_MODE, reg.POWER_NORMAL, "PWR_MODE")
-        self._set(reg.UNIT_SEL, reg.UNITS, "UNIT_SEL")
+        self._registers.set(reg.PWR_MODE, reg.POWER_NORMAL, "PWR_MODE")
+        self._registers.set(reg.UNIT_SEL, reg.UNITS, "UNIT_SEL")
         uid = self._set_page_1()
         calibrated = self._restore(uid)
         if self._settings.external_crystal:
@@ -136,10 +135,10 @@ class BringUp:
             yield self._clock.now_ns() + 50_000_000
 
     def _switch(self, mode: Mode) -> Iterator[int]:
-        for _ in range(self.ATTEMPTS):
-            self._write(reg.OPR_MODE, bytes((mode,)))
+        for _ in range(PatientRegisters.ATTEMPTS):
+            self._registers.write(reg.OPR_MODE, bytes((mode,)))
             yield self._clock.now_ns() + reg.MODE_SWITCH_NS
-            found = self._read(reg.OPR_MODE, 1)[0] & 0x0F
+            found = self._registers.read(reg.OPR_MODE, 1)[0] & 0x0F
             if found == mode:
                 return
             self._counters["retries"] += 1
@@ -147,7 +146,7 @@ class BringUp:
         raise DeviceNotFoundError(msg)
 
     def _check_self_test(self) -> None:
-        result = self._read(reg.ST_RESULT, 1)[0] & reg.SELF_TEST_PASSED
+        result = self._registers.read(reg.ST_RESULT, 1)[0] & reg.SELF_TEST_PASSED
         if result != reg.SELF_TEST_PASSED:
             failed = [p for i, p in enumerate(reg.SELF_TEST_PARTS) if not result >> i & 1]
             msg = (
@@ -157,40 +156,40 @@ class BringUp:
             raise DeviceNotFoundError(msg)
 
     def _set_page_1(self) -> bytes:
-        self._write(reg.PAGE_ID, b"\x01")
+        self._registers.write(reg.PAGE_ID, b"\x01")
         try:
-            uid = self._read(reg.UNIQUE_ID, reg.UNIQUE_ID_LENGTH)
+            uid = self._registers.read(reg.UNIQUE_ID, reg.UNIQUE_ID_LENGTH)
             if not self._settings.mode.is_fusion:
                 wanted = reg.gyro_config(
                     self._settings.gyro_range_dps, self._settings.gyro_bandwidth_hz
                 )
-                self._set(reg.GYR_CONFIG_0, wanted, "GYR_CONFIG_0")
-                self._set(reg.GYR_CONFIG_1, reg.GYRO_POWER_NORMAL, "GYR_CONFIG_1")
+                self._registers.set(reg.GYR_CONFIG_0, wanted, "GYR_CONFIG_0")
+                self._registers.set(reg.GYR_CONFIG_1, reg.GYRO_POWER_NORMAL, "GYR_CONFIG_1")
                 if self._settings.mode.has_accel:
-                    self._set(reg.ACC_CONFIG, reg.ACC_16G_62HZ, "ACC_CONFIG")
+                    self._registers.set(reg.ACC_CONFIG, reg.ACC_16G_62HZ, "ACC_CONFIG")
         finally:
-            self._write(reg.PAGE_ID, b"\x00")
+            self._registers.write(reg.PAGE_ID, b"\x00")
         return uid
 
     def _restore(self, uid: bytes) -> bool:
         stored = None if self._calibrations is None else self._calibrations.load(uid)
         if stored is None:
             return False
-        self._write(reg.CALIBRATION, stored)
-        found = self._read(reg.CALIBRATION, reg.CALIBRATION_LENGTH)
+        self._registers.write(reg.CALIBRATION, stored)
+        found = self._registers.read(reg.CALIBRATION, reg.CALIBRATION_LENGTH)
         if found != stored:
             msg = f"{self._name}: calibration reads {found.hex()}, expected {stored.hex()}"
             raise DeviceNotFoundError(msg)
         return True
 
     def _choose_crystal(self) -> Iterator[int]:
-        for _ in range(self.ATTEMPTS):
-            if not self._read(reg.SYS_CLK_STATUS, 1)[0] & 1:
+        for _ in range(PatientRegisters.ATTEMPTS):
+            if not self._registers.read(reg.SYS_CLK_STATUS, 1)[0] & 1:
                 break
             yield self._clock.now_ns() + reg.CRYSTAL_SWITCH_NS
-        self._write(reg.SYS_TRIGGER, bytes((reg.EXTERNAL_CRYSTAL,)))
+        self._registers.write(reg.SYS_TRIGGER, bytes((reg.EXTERNAL_CRYSTAL,)))
         yield self._clock.now_ns() + reg.CRYSTAL_SWITCH_NS
-        found = self._read(reg.SYS_TRIGGER, 1)[0]
+        found = self._registers.read(reg.SYS_TRIGGER, 1)[0]
         if not found & reg.EXTERNAL_CRYSTAL:
             msg = (
                 f"{self._name}: SYS_TRIGGER reads 0x{found:02X}, the external crystal was not "
@@ -201,35 +200,6 @@ class BringUp:
     def _offsets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if self._settings.mode.is_fusion:
             return np.zeros(3), np.zeros(3)
-        block = self._read(reg.ACC_OFFSET, 18)
+        block = self._registers.read(reg.ACC_OFFSET, 18)
         offsets = np.frombuffer(block, dtype="<i2").astype(np.float64)
         return offsets[6:] * reg.GYRO_OFFSET_SCALE_RAD_S, offsets[:3] * reg.ACCEL_SCALE_M_S2
-
-    def _set(self, register: int, value: int, what: str) -> None:
-        """Write one register and read it back."""
-        for _ in range(self.ATTEMPTS):
-            self._write(register, bytes((value,)))
-            found = self._read(register, 1)[0]
-            if found == value:
-                return
-            self._counters["retries"] += 1
-        msg = f"{self._name}: {what} reads 0x{found:02X}, expected 0x{value:02X}"
-        raise DeviceNotFoundError(msg)
-
-    def _read(self, register: int, length: int) -> bytes:
-        for _ in range(self.ATTEMPTS - 1):
-            try:
-                return self._port.read(register, length)
-            except (BusError, FrameFormatError):
-                self._counters["retries"] += 1
-        return self._port.read(register, length)
-
-    def _write(self, register: int, data: bytes) -> None:
-        for _ in range(self.ATTEMPTS - 1):
-            try:
-                self._port.write(register, data)
-            except (BusError, FrameFormatError):
-                self._counters["retries"] += 1
-            else:
-                return
-        self._port.write(register, data)

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Protocol
 
 from drivers.bno055 import registers as reg
-from drivers.bno055.ports import RegisterPort
 from drivers.bno055.registers import CALIBRATION_LENGTH, Mode
 from drivers.clock import Clock
 from drivers.errors import DriverError, FrameFormatError
+from drivers.register_port import RegisterPort
 
 
 def is_complete(status: int, mode: Mode) -> bool:

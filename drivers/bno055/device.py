@@ -8,27 +8,24 @@ from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.bno055 import registers as reg
 from drivers.bno055.bring_up import BringUp, ChipState
-from drivers.bno055.burst_time import BurstTime
 from drivers.bno055.calibration import CalibrationStore, is_complete, read_offsets
-from drivers.bno055.ports import RegisterPort
-from drivers.bno055.repeats import Repeats
-from drivers.bno055.screening import Words, agree, is_suspicious, words
+from drivers.bno055.screening import is_suspicious, words
 from drivers.bno055.settings import Settings
+from drivers.burst import BurstLine, Words, agree
+from drivers.burst_time import BurstTime
 from drivers.clock import Clock
 from drivers.errors import BusError, DriverError, FrameFormatError
 from drivers.interfaces import ChipFault
+from drivers.register_port import RegisterPort
+from drivers.repeats import Repeats
 from drivers.samples import ImuSample
-
-FloatArray = NDArray[np.float64]
 
 # A second look costs one burst, so these may be passed by a hard manoeuvre.
 GYRO_STEP_RAD_S = 3.5
 ACCEL_STEP_M_S2 = 60.0
-LONGEST_LEAD_NS = 30_000_000
 
 
 class Bno055:
@@ -73,10 +70,8 @@ class Bno055:
             accel_step = round(ACCEL_STEP_M_S2 / reg.ACCEL_SCALE_M_S2)
             limits = [accel_step] * 3 + [1 << 16] * 3 + limits
         self._step_limit: Words = np.array(limits, dtype=np.int32)
-        self._previous: Words | None = None
-        self._slope: FloatArray | None = None
-        self._previous_ns = 0
-        self._repeats = Repeats(mode, self._counters)
+        self._line = BurstLine()
+        self._repeats = Repeats(has_accel=mode.has_accel, counters=self._counters)
         self._is_vague = False
         self._forget()
 
@@ -151,18 +146,18 @@ class Bno055:
             If the burst and its repetition failed.
         """
         t_ns, values = self._burst()
-        expected = self._expected(t_ns)
+        expected = self._line.expected(t_ns)
         if expected is not None and is_suspicious(values, expected, self._step_limit):
             second = self._second_look(values, expected)
             if second is None:
                 return None
             t_ns, values = second
-        if not self._repeats.pass_on(values, self._previous):
+        if not self._repeats.pass_on(values, self._line.last):
             return None
         if self._is_vague:
             self._counters["read_slow"] += 1
             return None
-        self._remember(t_ns, values)
+        self._line.remember(t_ns, values)
         self._counters["samples"] += 1
         return self._sample(t_ns, seq, values)
 
@@ -233,9 +228,9 @@ class Bno055:
         self._calibrations.save(self.state.uid, block)
 
     def _forget(self) -> None:
-        self._previous = self._slope = None
+        self._line.forget()
         self._repeats.forget()
-        self._burst_time = BurstTime(self._length)
+        self._burst_time = BurstTime(self._length, self._port.address_bytes)
 
     def _burst(self) -> tuple[int, Words]:
         """Return when the chip took its data, ns, and the words.
@@ -254,22 +249,6 @@ class Bno055:
         if taken_ns is None:
             taken_ns, self._is_vague = self._burst_time.taken_ns(before_ns, self._clock.now_ns())
         return taken_ns, words(data)
-
-    def _expected(self, t_ns: int) -> Words | None:
-        """Return the last good burst, led on by its slope; None if there is none."""
-        if self._previous is None or self._slope is None:
-            return self._previous
-        elapsed_ns = t_ns - self._previous_ns
-        if elapsed_ns > LONGEST_LEAD_NS:
-            return self._previous
-        return np.asarray(self._previous + self._slope * elapsed_ns, dtype=np.int32)
-
-    def _remember(self, t_ns: int, values: Words) -> None:
-        elapsed_ns = t_ns - self._previous_ns
-        self._slope = None
-        if self._previous is not None and 0 < elapsed_ns <= LONGEST_LEAD_NS:
-            self._slope = (values - self._previous) / elapsed_ns
-        self._previous, self._previous_ns = values, t_ns
 
     def _second_look(self, values: Words, expected: Words) -> tuple[int, Words] | None:
         """Return a burst to believe after a suspicious one."""

@@ -2,55 +2,10 @@
 
 import errno
 from collections import Counter
-from typing import Protocol
 
 from drivers.clock import Clock
 from drivers.errors import BusError, BusTimeoutError, FrameFormatError
 from drivers.interfaces import I2cBus, SerialPort
-
-
-class RegisterPort(Protocol):
-    """Registers of one chip, on the page that is selected.
-
-    Attributes
-    ----------
-    counters : Counter of str
-        What went wrong how often.
-    taken_ns : int or None
-        When the chip took the data of the last read, ns, where the port knows.
-    """
-
-    counters: Counter[str]
-    taken_ns: int | None
-
-    def read(self, register: int, length: int) -> bytes:
-        """Return ``length`` bytes from ``register`` on, in one burst.
-
-        Raises
-        ------
-        BusError
-            If the bus fails or the chip does not answer.
-        """
-        ...
-
-    def write(self, register: int, data: bytes) -> None:
-        """Write ``data`` from ``register`` on.
-
-        Raises
-        ------
-        BusError
-            If the bus fails or the chip does not answer.
-        """
-        ...
-
-    def write_blind(self, register: int, data: bytes) -> None:
-        """Write where the answer may fail to come: a reset of the chip."""
-        ...
-
-    def settle(self) -> None:
-        """Bring the link to a known state after an error."""
-        ...
-
 
 _CAUSES = {
     errno.EIO: "i2c_io",
@@ -117,6 +72,9 @@ class I2cRegisterPort:
     mux, channel : Tca9548a or None, int
         The multiplexer in between and the channel of this chip.
     """
+
+    # Address, register, address again.
+    address_bytes = 3
 
     def __init__(
         self, bus: I2cBus, address: int, *, mux: Tca9548a | None = None, channel: int = 0
@@ -205,6 +163,7 @@ class UartRegisterPort:
     request, and an answer that comes too late must not be taken for that of the next request.
     """
 
+    address_bytes = 4
     PACE_NS = 2_000_000
     SILENCE_NS = 40_000_000
     TIMEOUT_S = 0.05

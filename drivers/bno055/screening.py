@@ -1,11 +1,10 @@
-"""What tells data from rubbish in one burst of registers; pure functions, no bus."""
+"""What tells a burst of the BNO055 from one that was read wrong; pure functions, no bus."""
 
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Words = NDArray[np.int32]
+from drivers.burst import Words, agree
 
 # A false bit 7 of a low byte adds 128; the margin is what the extrapolation may be wrong by when
 # one burst caught no new data and the next two at once.
@@ -16,11 +15,6 @@ BIT_7_MARGIN: Final = 90
 def words(data: bytes) -> Words:
     """Return the little-endian signed words of a burst, shape (n,)."""
     return np.frombuffer(data, dtype="<i2").astype(np.int32)
-
-
-def is_all_zero(values: Words) -> bool:
-    """Whether every word is zero: what a chip that fell back to CONFIG mode serves."""
-    return not values.any()
 
 
 def is_suspicious(values: Words, expected: Words, step_limit: Words) -> bool:
@@ -39,14 +33,9 @@ def is_suspicious(values: Words, expected: Words, step_limit: Words) -> bool:
     as 1. In a high byte that is a step of 32768 and the limit sees it. In a low byte it adds 128;
     the gyro is smooth enough between two samples to see that too, the accelerometer is not.
     """
-    departure = values - expected
-    if bool((np.abs(departure) > step_limit).any()):
+    if not agree(values, expected, step_limit):
         return True
+    departure = values - expected
     has_bit = (values[-3:] & BIT_7) != 0
     is_128_off = np.abs(departure[-3:] - BIT_7) < BIT_7_MARGIN
     return bool((has_bit & is_128_off).any())
-
-
-def agree(values: Words, other: Words, step_limit: Words) -> bool:
-    """Whether two bursts read one after the other show the same motion."""
-    return bool((np.abs(values - other) <= step_limit).all())

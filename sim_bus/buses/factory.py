@@ -11,13 +11,14 @@ from avionics.config.links import CanLink, I2cLink, UartLink
 from avionics.errors import ConfigError
 from avionics.flight.chips import chip_settings, pod_settings
 from drivers.bno055.device import Bno055
-from drivers.bno055.ports import I2cRegisterPort, RegisterPort, Tca9548a, UartRegisterPort
+from drivers.bno055.ports import I2cRegisterPort, Tca9548a, UartRegisterPort
 from drivers.bno055.settings import Settings
 from drivers.can.imus import CanImus
 from drivers.can.python_can import PythonCanPort
 from drivers.clock import Clock
 from drivers.interfaces import Source
 from drivers.polled_imus import PolledImus
+from drivers.register_port import RegisterPort
 from drivers.samples import ImuSample
 from sim_bus.buses.can_pod import SimCanBus, SimPod
 from sim_bus.buses.faults import FaultPlan

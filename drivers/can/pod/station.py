@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.bno055 import registers as reg
-from drivers.bno055.repeats import STALE_AFTER
 from drivers.can.pod.messages import (
     COUNTER_NAMES,
     LAYOUT_VERSION,
@@ -24,6 +23,7 @@ from drivers.can.pod.messages import (
 )
 from drivers.can.pod.time_sync import PodClock
 from drivers.events import EventList, Level
+from drivers.repeats import STALE_AFTER
 from drivers.samples import ImuSample
 
 # ``Sample.scale`` to rad/s per LSB.

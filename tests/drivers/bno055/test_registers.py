@@ -63,7 +63,7 @@ def test_fusion_scale_agrees_with_the_quaternion_of_a_real_chip(shared_data) -> 
 
 
 def test_repeats_of_a_real_chip_stay_below_what_is_called_stale(shared_data) -> None:
-    from drivers.bno055.repeats import STALE_AFTER
+    from drivers.repeats import STALE_AFTER
 
     gyro = recorded(shared_data)[:, 1:4]
     same = np.all(np.diff(gyro, axis=0) == 0, axis=1)

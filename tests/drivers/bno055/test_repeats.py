@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.bno055.ports import UartRegisterPort
-from drivers.bno055.repeats import FROZEN_AFTER, STALE_AFTER
+from drivers.repeats import FROZEN_AFTER, STALE_AFTER
 from sim_bus.buses.uart import SimSerialPort
 from sim_bus.chip.bno055.chip import SimBno055
 from sim_bus.clock import SimClock

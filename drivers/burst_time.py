@@ -3,7 +3,6 @@
 from collections import deque
 from typing import Final
 
-ADDRESS_BYTES: Final = 3
 # A burst so much longer than the shortest of the last ones was held up, before or after the chip
 # gave its data. Half a period of 100 Hz: the gap that a lost sample leaves then costs less than a
 # rate at a wrong time. What is held up for less is kept, wrong by a part of that.
@@ -18,10 +17,13 @@ class BurstTime:
     ----------
     length : int
         Data bytes of a burst.
+    address_bytes : int
+        Bytes that go before them: the chip takes the data when they begin.
     """
 
-    def __init__(self, length: int) -> None:
+    def __init__(self, length: int, address_bytes: int) -> None:
         self._length = length
+        self._address_bytes = address_bytes
         self._durations_ns: deque[int] = deque(maxlen=DURATIONS)
 
     def taken_ns(self, before_ns: int, after_ns: int) -> tuple[int, bool]:
@@ -36,5 +38,7 @@ class BurstTime:
         """
         whole_ns = after_ns - before_ns
         self._durations_ns.append(whole_ns)
-        taken_ns = before_ns + whole_ns * ADDRESS_BYTES // (ADDRESS_BYTES + self._length)
+        taken_ns = before_ns + whole_ns * self._address_bytes // (
+            self._address_bytes + self._length
+        )
         return taken_ns, whole_ns - min(self._durations_ns) > SLOW_NS

@@ -5,13 +5,12 @@ from typing import Final
 
 import numpy as np
 
-from drivers.bno055.registers import Mode
-from drivers.bno055.screening import Words, is_all_zero
+from drivers.burst import Words, is_all_zero
 
 # The chip makes data as often as it is read; noise alone moves some bit of the next burst.
 STALE_AFTER: Final = 5
 FROZEN_AFTER: Final = 25
-REPEATS_BEFORE_PAGE_CHECK: Final = 3
+REPEATS_BEFORE_CHECK: Final = 3
 
 
 class Repeats:
@@ -19,7 +18,7 @@ class Repeats:
 
     Parameters
     ----------
-    mode : Mode
+    has_accel : bool
         A gyro alone may show all zeros at rest; with an accelerometer a chip cannot.
     counters : Counter of str
         Where repeats are counted.
@@ -30,8 +29,8 @@ class Repeats:
         Whether the data call for a look at the chip's state.
     """
 
-    def __init__(self, mode: Mode, counters: Counter[str]) -> None:
-        self._mode = mode
+    def __init__(self, *, has_accel: bool, counters: Counter[str]) -> None:
+        self._has_accel = has_accel
         self._counters = counters
         self._frozen_after = FROZEN_AFTER
         self.forget()
@@ -66,8 +65,8 @@ class Repeats:
             return True
         self._count += 1
         self.is_doubtful |= is_zero and not self._is_verified
-        self.is_doubtful |= self._count % FROZEN_AFTER == REPEATS_BEFORE_PAGE_CHECK
-        if is_zero and (self._mode.has_accel or not self._is_verified):
+        self.is_doubtful |= self._count % FROZEN_AFTER == REPEATS_BEFORE_CHECK
+        if is_zero and (self._has_accel or not self._is_verified):
             self._counters["all_zero"] += 1
             return False
         self._counters["repeated"] += 1
