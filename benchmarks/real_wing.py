@@ -20,11 +20,10 @@ from avionics.analysis.history import between
 from avionics.config import Camera, Config, Estimator, Marker, Pod, Wing
 from avionics.config.links import Bno055Settings
 from avionics.datasets.motive import MotiveTake, read_motive
+from avionics.flight.filter_setup import marker_model, pinhole_from_config, recorded_basis
 from avionics.flight.pipeline import Pipeline
 from avionics.records import MarkerTracks, WingShapeEstimate
-from avionics.wse.markers import MarkerModel
-from avionics.wse.modes import ModeBasis, basis_from_name
-from avionics.wse.pinhole import pinhole_from_config
+from avionics.wse.modes import ModeBasis
 from drivers.samples import ImuSample
 
 SOURCE = Path(__file__).resolve().parents[2] / "shared/data/real/flexible-wing-mocap"
@@ -104,11 +103,11 @@ def configuration(motion: Motion, estimator: Estimator) -> Config:
     )  # fmt: skip
     # Where the LEDs sit on their sections: measured on the wing at rest, as a lab would.
     basis = ModeBasis("quarter-sine", span_m, 1, 1, 0)
-    model = MarkerModel(basis, bare, None)
+    model = marker_model(bare, basis)
     q = np.zeros(2)
     spar = [motion.rest[f"Main_Beam:{k:02d}"] for k in range(1, 12)]
-    line = MarkerModel(
-        basis, bare, None, tuple(Marker(id=i, s_m=s) for i, s in enumerate(motion.s_m))
+    line = marker_model(
+        bare, basis, markers=[Marker(id=i, s_m=s) for i, s in enumerate(motion.s_m)]
     )
     grid = np.linspace(-0.4, 0.4, 801)
     shapes = np.stack([grid, np.zeros_like(grid)], axis=1)
@@ -170,8 +169,8 @@ def fly(motion: Motion, config: Config, seed: int) -> dict[str, tuple[np.ndarray
     for kind in ("rg", "crg", "filtered"):
         rows = [r for r in kept if r.kind == kind]
         q = np.array([np.concatenate([r.phi_rad, r.theta_rad, r.psi_rad]) for r in rows])
-        basis = basis_from_name(rows[0].basis, config)
-        model = MarkerModel(basis, config, camera, config.truth_markers[-1:])
+        basis = recorded_basis(config, rows[0].basis)
+        model = marker_model(config, basis, markers=config.truth_markers[-1:])
         tips[kind] = np.array([r.t_ns for r in rows]) * 1e-9, model.points(q)[:, 0, 2]
     return tips
 

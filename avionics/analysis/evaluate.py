@@ -19,12 +19,11 @@ from avionics.analysis.history import (
 from avionics.analysis.mocap_tip import tip_from_markers
 from avionics.config import Config, one_wing
 from avionics.errors import RecordingError
+from avionics.flight.filter_setup import marker_model, pinhole_from_config, recorded_basis
 from avionics.recording import LogReader
 from avionics.records import FloatArray
 from avionics.wse.geometry import WingGeometry
-from avionics.wse.markers import MarkerModel
-from avionics.wse.modes import ModeBasis, basis_from_name
-from avionics.wse.pinhole import pinhole_from_config
+from avionics.wse.modes import ModeBasis
 
 SETTLE_S = 6.0
 BLOCK_S = 10.0
@@ -217,7 +216,7 @@ class Comparison:
         """Return basis, amplitudes, where they are known, and the marker positions."""
         q = between(rows.t_ns, rows.amplitude_rad, self.t_ns, max_gap_ns=ROW_GAP_NS)
         known = np.isfinite(q).all(axis=1)
-        basis = basis_from_name(rows.basis, self._config)
+        basis = recorded_basis(self._config, rows.basis)
         points = np.full((len(q), len(self._markers), 3), np.nan)
         if known.any():
             points[known] = self._points(basis, q[known])
@@ -228,7 +227,7 @@ class Comparison:
         return self._error_px(self._shape(rows)[3])
 
     def _points(self, basis: ModeBasis, q: FloatArray) -> FloatArray:
-        model = MarkerModel(basis, self._config, self._camera, tuple(self._markers))
+        model = marker_model(self._config, basis, markers=self._markers)
         return np.asarray(model.points(q), dtype=np.float64)
 
     def _error_px(self, points: FloatArray) -> tuple[TimeArray, FloatArray]:

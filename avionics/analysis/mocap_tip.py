@@ -3,9 +3,9 @@
 import numpy as np
 
 from avionics.config import Config, Marker
+from avionics.flight.filter_setup import marker_model
 from avionics.records import FloatArray
 from avionics.wse.jacobian import complex_step
-from avionics.wse.markers import MarkerModel
 from avionics.wse.modes import ModeBasis
 
 PASSES = 5
@@ -43,8 +43,8 @@ def tip_from_markers(
     basis = ModeBasis(
         "quarter-sine", config.wing.span_m, min(3, count), min(2, count), min(1, count)
     )
-    points = MarkerModel(basis, config, None, markers)
-    tip = MarkerModel(basis, config, None, (Marker(id=0, s_m=config.wing.span_m),))
+    points = marker_model(config, basis, markers=markers)
+    tip = marker_model(config, basis, markers=[Marker(id=0, s_m=config.wing.span_m)])
     at_tip = np.array([m.s_m > AT_TIP * config.wing.span_m for m in markers])
     weight = 1.0 / MARKER_SIGMA_M**2
     prior = np.eye(basis.count) / SHAPE_PRIOR_RAD**2

@@ -7,6 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics.config import Config
+from avionics.flight.filter_setup import (
+    choose_basis,
+    marker_model,
+    paper_basis,
+    settings_from_config,
+)
 from avionics.kinds import CRG, FILTERED, RG, EstimateKind
 from avionics.records import WingShapeEstimate
 from avionics.wse.adaptive_noise import NO_VERDICT, Verdict
@@ -18,10 +24,7 @@ from avionics.wse.forecast import (
     stack_beliefs,
     stack_outlooks,
 )
-from avionics.wse.markers import MarkerModel, View
-from avionics.wse.modes import choose_basis, paper_basis
-from avionics.wse.pinhole import pinhole_from_config
-from avionics.wse.settings import settings_from_config
+from avionics.wse.markers import View
 
 ROWS_PER_COVARIANCE = 10
 
@@ -140,9 +143,8 @@ class RowMaker:
         self._extrapolation = Extrapolation(
             settings.rates, settings.process(), settings.paper_process()
         )
-        camera = pinhole_from_config(config.camera) if config.camera else None
-        model = MarkerModel(choose_basis(config), config, camera)
-        paper_model = MarkerModel(paper_basis(config), config, camera)
+        model = marker_model(config, choose_basis(config))
+        paper_model = marker_model(config, paper_basis(config))
         self._wing = config.wing.name
         self._pods = len(config.pods)
         # Model axes of a left wing are mirrored: rates but for y change sign.

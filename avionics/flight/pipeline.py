@@ -1,12 +1,12 @@
 """Records in, records out: the one path of samples and tracks to estimates."""
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from avionics.config import Config
 from avionics.flight.estimate_rows import ROWS_PER_COVARIANCE, RowMaker, Seen, Tick
+from avionics.flight.filter_setup import marker_model, settings_from_config, wing_gs
 from avionics.flight.health import HealthLog
 from avionics.flight.imu_channel import ImuChannel
 from avionics.flight.outputs import BatchSink, Outbox, RowWriter
@@ -17,10 +17,6 @@ from avionics.wse.adaptive_noise import NO_VERDICT, Sighting, Verdict
 from avionics.wse.fusion import WingFusion
 from avionics.wse.gyro_inputs import GyroInputs
 from avionics.wse.hypotheses import marker_hypotheses
-from avionics.wse.markers import MarkerModel
-from avionics.wse.modes import choose_basis, paper_basis
-from avionics.wse.pinhole import pinhole_from_config
-from avionics.wse.settings import FilterSettings, prior_variance, settings_from_config
 from drivers.samples import ImuSample
 
 if TYPE_CHECKING:
@@ -50,17 +46,15 @@ class Pipeline:
 
     def __init__(self, config: Config, sink: Sink | BatchSink) -> None:
         self._config = config
-        camera = pinhole_from_config(config.camera) if config.camera else None
         self._camera = f"camera {config.camera.name}" if config.camera else "camera"
         self._offset_ns = round(1e9 * config.camera.time_offset_s) if config.camera else 0
-        model = MarkerModel(choose_basis(config), config, camera)
-        paper_model = MarkerModel(paper_basis(config), config, camera)
-        self._model = model
         settings = settings_from_config(config)
-        prior = np.diag(prior_variance(model.basis, math.radians(config.estimator.start_sigma_deg)))
-        self._hypotheses = marker_hypotheses(model, prior)
+        model = marker_model(config, settings.basis)
+        paper_model = marker_model(config, settings.paper_rates.basis)
+        self._model = model
+        self._hypotheses = marker_hypotheses(model, np.diag(settings.prior))
         self._fusion = WingFusion(settings, model, paper_model)
-        self._gs = _distributed_pos(config, settings)
+        self._gs = wing_gs(config, settings) if "gs" in config.estimators else None
         self._rows = RowMaker(config)
         self._sink = Outbox(
             sink if isinstance(sink, BatchSink) else RowWriter(self._rows, sink),
@@ -258,11 +252,3 @@ class Pipeline:
         self._health.account(self._now_ns, is_last=True)
         self._sink.flush()
         self._now_ns = 0
-
-
-def _distributed_pos(config: Config, settings: FilterSettings) -> "WingGs | None":
-    if "gs" not in config.estimators:
-        return None
-    from avionics.pos.wing_gs import WingGs  # noqa: PLC0415 (its compiler is slow to load)
-
-    return WingGs(config, settings)

@@ -11,9 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.config import Config
 from avionics.pos.attitude import right_jacobian, rotation_from_vector
-from avionics.pos.flexure import markov_flexure
+from avionics.pos.flexure import Flexure
 from avionics.pos.online import GsBank, GyroBelief
 from avionics.wse.forecast import Belief
 from avionics.wse.geometry import WingGeometry
@@ -34,24 +33,22 @@ class WingGs:
 
     Parameters
     ----------
-    config : Config
-        Noises of the gyros and the flexure law.
     settings : FilterSettings
-        Basis, stations and periods, shared with the camera-aided filter.
+        Basis, stations, periods and noises, shared with the camera-aided filter.
+    flexure : Flexure
+        How a pod turns about the three axes of the line, the same law for every pod.
+    rho_sigma : float
+        Initial one-sigma of the constant part of the angles, rad.
     """
 
-    def __init__(self, config: Config, settings: FilterSettings) -> None:
-        law, gyro = config.gs, config.estimator
+    def __init__(self, settings: FilterSettings, flexure: Flexure, rho_sigma: float) -> None:
         self._settings = settings
         self._period_ns = settings.step_ns
         self._dt = settings.step_ns * 1e-9
-        self._flexure = markov_flexure(
-            np.array(law.correlation_s), np.deg2rad(np.array(law.flexure_sigma_deg))
-        )
-        self._rho_sigma = math.radians(law.misalignment_sigma_deg)
-        self._noise = math.radians(gyro.gyro_noise_dps_sqrthz) / math.sqrt(self._dt)
-        self._walk = gyro.bias_walk_rad_s_sqrts
-        c, s = math.cos(config.wing.psi0_rad), math.sin(config.wing.psi0_rad)
+        self._flexure = flexure
+        self._rho_sigma = rho_sigma
+        self._noise = settings.noise.gyro / math.sqrt(self._dt)
+        c, s = math.cos(settings.psi0), math.sin(settings.psi0)
         self._line_from_body = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         self._geometry = WingGeometry(settings.basis, settings.pods_s)
         self.inputs = GyroInputs(settings.rates, settings.pod_period_ns)
@@ -95,7 +92,7 @@ class WingGs:
             noise_s=self._noise,
             bias_m=master * self._settings.bias_sigma,
             bias_s=self._settings.bias_sigma,
-            bias_walk=self._walk,
+            bias_walk=self._settings.noise.bias_walk,
         )
         pods = len(self._settings.pods_s)
         return GsBank(pods, self._dt, self._flexure, gyros, self._rho_sigma)

@@ -10,11 +10,11 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from avionics.flight.filter_setup import pinhole_from_config
 from avionics.kinds import CRG, PAPER, RG, TRACKS, TRUTH, style_of
 from avionics.records import FloatArray
 from avionics.report.data import Flight
 from avionics.report.plots import SETTLED_S, WIDTH_IN
-from avionics.wse.pinhole import pinhole_from_config
 from drivers.samples import Frame
 
 INSTANTS = 4

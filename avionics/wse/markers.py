@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.config import Config, Marker
 from avionics.wse.geometry import WingGeometry, integration_matrix
 from avionics.wse.jacobian import STEP, perturbed
 from avionics.wse.modes import ModeBasis
@@ -69,35 +68,33 @@ class MarkerModel:
     ----------
     basis : ModeBasis
         Mode shapes.
-    config : Config
-        Wing (a left one is mirrored in y) and markers.
+    points : ndarray, shape (K, 3)
+        Arc length s of each marker, and its place (x, z) in the local frame there, m.
     camera : Pinhole or None
-        Without a camera every marker is unseen.
-    markers : tuple of Marker, optional
-        Other points than the configuration's markers.
+        Without a camera no marker is predicted.
+    psi0 : float
+        Sweep at the root, rad.
+    is_left : bool
+        Whether it is a left wing, the mirror in y of a right one.
     """
 
     def __init__(
         self,
         basis: ModeBasis,
-        config: Config,
+        points: Array,
         camera: Pinhole | None,
-        markers: tuple[Marker, ...] | None = None,
+        *,
+        psi0: float = 0.0,
+        is_left: bool = False,
     ) -> None:
-        placed = config.markers if markers is None else markers
-        span = config.wing.span_m
         self.basis = basis
-        self.count = len(placed)
+        self.count = len(points)
         self.camera = camera
-        self._geometry = WingGeometry(
-            basis,
-            np.array([*(m.s_m for m in placed), span]),
-            x=np.array([*(m.x_m for m in placed), 0.0]),
-            z=np.array([*(m.z_m for m in placed), 0.0]),
-            psi0=config.wing.psi0_rad,
-        )
-        self._mirror = np.array([1.0, -1.0 if config.wing.side == "left" else 1.0, 1.0])
-        self._is_mirrored = config.wing.side == "left"
+        span = basis.span_m
+        s, x, z = np.ascontiguousarray(np.vstack([points, [span, 0.0, 0.0]]).T)
+        self._geometry = WingGeometry(basis, s, x=x, z=z, psi0=psi0)
+        self._mirror = np.array([1.0, -1.0 if is_left else 1.0, 1.0])
+        self._is_mirrored = is_left
         self._to_line = integration_matrix(np.linspace(0.0, span, LINE_POINTS), span).T.copy()
 
     def _in_body(self, components: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Mode shapes of bending, twist and in-plane bending, and how many of each to fly."""
+"""Mode shapes of bending, twist and in-plane bending: how many, and how large beforehand."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -6,10 +6,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.config import Config
-
 Array = NDArray[Any]
 Family = Literal["quarter-sine", "linear"]
+
+# Static loads bend mostly in the first mode; amplitudes fall off about so with the mode number.
+PRIOR_DECAY = 1.0
+# A wing is stiff in its own plane: a fifth of the angles that it reaches out of it.
+INPLANE_PRIOR = 0.2
 
 
 def quarter_sine(s: Array, span: float, count: int) -> Array:
@@ -153,13 +156,7 @@ class ModeBasis:
         return matrix
 
 
-def paper_basis(config: Config) -> ModeBasis:
-    """Return one bending and one twist mode, as Srikanth et al. fly them."""
-    estimator = config.estimator
-    return ModeBasis(estimator.basis, config.wing.span_m, 1, 1, 0, estimator.linear_slope_per_m)
-
-
-def basis_from_name(name: str, config: Config) -> ModeBasis:
+def basis_from_name(name: str, span_m: float, linear_slope_per_m: float) -> ModeBasis:
     """Return the basis that a record names, e.g. ``quarter-sine/3+2+1``, on a wing.
 
     Raises
@@ -173,48 +170,54 @@ def basis_from_name(name: str, config: Config) -> ModeBasis:
         msg = f"mode basis '{name}', expected for example quarter-sine/3+2+1"
         raise ValueError(msg)
     bending, twist, inplane = (int(number) for number in numbers)
-    slope = config.estimator.linear_slope_per_m
     known: Family = "linear" if family == "linear" else "quarter-sine"
-    return ModeBasis(known, config.wing.span_m, bending, twist, inplane, slope)
+    return ModeBasis(known, span_m, bending, twist, inplane, linear_slope_per_m)
 
 
-def choose_basis(config: Config) -> ModeBasis:
-    """Return the basis of the camera-aided filter.
+def observable_modes(pods_s: Array, markers_s: Array, span: float) -> tuple[int, int, int]:
+    """Return how many bending, twist and in-plane modes pods and markers tell apart.
+
+    Parameters
+    ----------
+    pods_s, markers_s : ndarray, shapes (M,), (K,)
+        Stations, m.
+    span : float
+        Length of the reference line, m.
 
     Notes
     -----
-    "auto" follows from what can be seen, by one rule for every wing: the camera tells apart as
-    many shapes as there are stations with markers, the gyros as many as there are pods. Bending
-    takes the larger of the two numbers, at most four; twist one mode, and two from two stations
-    or pods on; in-plane bending one wherever there are markers, two from three stations on.
+    One rule for every wing: the camera tells apart as many shapes as there are stations with
+    markers, the gyros as many as there are pods. Bending takes the larger of the two numbers, at
+    most four; twist one mode, and two from two stations or pods on; in-plane bending one wherever
+    there are markers, two from three stations on.
     """
-    estimator = config.estimator
-    auto = (1, 1, 0) if estimator.form == "paper" else _auto_counts(config)
-    wanted = (estimator.bending_modes, estimator.twist_modes, estimator.inplane_modes)
-    bending, twist, inplane = (
-        a if w == "auto" else int(w) for w, a in zip(wanted, auto, strict=True)
-    )
-    return ModeBasis(
-        estimator.basis,
-        config.wing.span_m,
-        bending,
-        twist,
-        inplane,
-        estimator.linear_slope_per_m,
-    )
+    pods, marked = _distinct(pods_s, 0.02 * span), _distinct(markers_s, 0.02 * span)
+    many = max(pods, marked)
+    return max(1, min(4, many)), max(1, min(2, many)), min(2, (marked + 1) // 2)
 
 
-def _auto_counts(config: Config) -> tuple[int, int, int]:
-    tolerance_m = 0.02 * config.wing.span_m
-    pods = _distinct([pod.s_m for pod in config.pods if pod.s_m > tolerance_m], tolerance_m)
-    seen = _distinct([m.s_m for m in config.markers if m.s_m > tolerance_m], tolerance_m)
-    many = max(pods, seen)
-    bending = max(1, min(4, many))
-    twist = max(1, min(2, many))
-    inplane = min(2, (seen + 1) // 2)
-    return bending, twist, inplane
-
-
-def _distinct(s: list[float], tolerance: float) -> int:
-    ordered = sorted(s)
+def _distinct(s: Array, tolerance: float) -> int:
+    """Count stations off the root that lie apart."""
+    ordered = sorted(value for value in s if value > tolerance)
     return sum(1 for i, value in enumerate(ordered) if i == 0 or value - ordered[i - 1] > tolerance)
+
+
+def prior_variance(basis: ModeBasis, sigma: float) -> Array:
+    """Return the prior variances of the amplitudes, rad^2, shape (count,).
+
+    Parameters
+    ----------
+    basis : ModeBasis
+        Mode shapes.
+    sigma : float
+        One-sigma of the first bending and twist amplitude, rad; of the tip angle where the shapes
+        are linear.
+    """
+    falloff = (2.0 * basis.order - 1.0) ** -PRIOR_DECAY
+    scale = np.ones(basis.count)
+    scale[basis.psi] = INPLANE_PRIOR
+    if basis.family == "linear":
+        # Amplitude times slope times span is the tip angle.
+        scale = scale / (basis.linear_slope_per_m * basis.span_m)
+    variance: Array = (sigma * falloff * scale) ** 2
+    return variance

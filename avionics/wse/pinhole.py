@@ -9,9 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.config import Camera
-from avionics.wse.attitude import camera_attitude
-
 Array = NDArray[Any]
 
 # OpenCV's camera axes (right, down, forward) from ours (forward, right, down).
@@ -136,25 +133,6 @@ class Pinhole:
         return np.asarray(
             (u >= -0.5) & (u <= self.width - 0.5) & (v >= -0.5) & (v <= self.height - 0.5)
         )
-
-
-def pinhole_from_config(camera: Camera) -> Pinhole:
-    """Return the camera that a configuration describes."""
-    lens = Lens(
-        camera.f_x_px,
-        camera.f_y_px,
-        camera.c_x_px,
-        camera.c_y_px,
-        camera.k1,
-        camera.k2,
-        camera.p1,
-        camera.p2,
-        camera.k3,
-    )
-    roll, tilt, pan = np.radians([camera.roll_deg, camera.tilt_deg, camera.pan_deg])
-    attitude = camera_attitude(roll, tilt, pan)
-    position = np.array(camera.r_in_body_m, dtype=np.float64)
-    return Pinhole(lens, attitude, position, camera.width_px, camera.height_px, lens.fold_radius())
 
 
 def opencv_pose(camera: Pinhole) -> tuple[Array, Array]:

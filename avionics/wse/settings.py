@@ -1,24 +1,18 @@
-"""The filter's settings in SI units, resolved from the configuration; what "auto" means."""
+"""Everything that the filters are set to, in SI units and radians."""
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.config import Config, stations
 from avionics.wse.adaptive_noise import Trust, UpdateRules
-from avionics.wse.modes import ModeBasis, choose_basis, paper_basis
+from avionics.wse.modes import ModeBasis
 from avionics.wse.process import Process, ProcessNoise
 from avionics.wse.rates import ModalRates
 
 Array = NDArray[Any]
 
-# Static loads bend mostly in the first mode; amplitudes fall off about so with the mode number.
-PRIOR_DECAY = 1.0
-# A wing is stiff in its own plane: a fifth of the angles that it reaches out of it.
-INPLANE_PRIOR = 0.2
 # "auto" truncation noise: a floor while the wing rests, rad/sqrt(s), and the time over which
 # motion that the pods do not see stays alike, s.
 TRUNCATION_FLOOR = 5e-4
@@ -43,6 +37,8 @@ class FilterSettings:
         Prior variances of the amplitudes, rad^2.
     pods_s : ndarray, shape (M,)
         Stations of the pods, m.
+    psi0 : float
+        Sweep at the root, rad.
     pod_period_ns, step_ns, history_ns : int
         Sample period of the pods, step of the filter, oldest frame taken, ns.
     has_bias, has_unseen, has_offset : bool
@@ -61,6 +57,7 @@ class FilterSettings:
     prior: Array
     paper_prior: Array
     pods_s: Array
+    psi0: float
     pod_period_ns: int
     step_ns: int
     history_ns: int
@@ -111,67 +108,3 @@ class FilterSettings:
         variance = np.full(size, self.bias_sigma**2)
         variance[: len(self.paper_prior)] = self.paper_prior
         return np.diag(variance)
-
-
-def prior_variance(basis: ModeBasis, sigma: float) -> Array:
-    """Return the prior variances of the amplitudes, rad^2, shape (count,)."""
-    falloff = (2.0 * basis.order - 1.0) ** -PRIOR_DECAY
-    scale = np.ones(basis.count)
-    scale[basis.psi] = INPLANE_PRIOR
-    if basis.family == "linear":
-        # Amplitude times slope times span is the tip angle.
-        scale = scale / (basis.linear_slope_per_m * basis.span_m)
-    variance: Array = (sigma * falloff * scale) ** 2
-    return variance
-
-
-def settings_from_config(config: Config) -> FilterSettings:
-    """Return the settings that a configuration describes."""
-    e = config.estimator
-    general = e.form == "general"
-    basis, paper = choose_basis(config), paper_basis(config)
-    sigma = math.radians(e.start_sigma_deg)
-    prior, paper_prior = prior_variance(basis, sigma), prior_variance(paper, sigma)
-    s = stations(config.pods)
-    psi0 = config.wing.psi0_rad
-    gyro = math.radians(e.gyro_noise_dps_sqrthz)
-    has_unseen = general and e.truncation_rad_sqrts == "auto"
-    truncation = TRUNCATION_FLOOR if has_unseen else 0.0
-    if e.truncation_rad_sqrts != "auto":
-        truncation = float(e.truncation_rad_sqrts)
-    noise = ProcessNoise(gyro, truncation, e.bias_walk_rad_s_sqrts, UNSEEN_S, OFFSET_WALK)
-    rate_hz = min((pod.chip.rate_hz for pod in config.pods), default=100.0)
-    return FilterSettings(
-        rates=ModalRates(basis, s, prior, psi0=psi0),
-        paper_rates=ModalRates(paper, s, paper_prior, psi0=psi0),
-        noise=noise,
-        paper_noise=ProcessNoise(gyro, 0.0, 0.0),
-        rules=UpdateRules(
-            gate=e.gate_sigma,
-            adapt=general,
-            start_noise=1.0 if general else 8.0,
-        ),
-        prior=prior,
-        paper_prior=paper_prior,
-        pods_s=s,
-        pod_period_ns=round(1e9 / rate_hz),
-        step_ns=round(1e9 * e.row_period_s),
-        history_ns=round(1e9 * e.history_s),
-        has_bias=general if e.bias_states == "auto" else bool(e.bias_states),
-        has_unseen=has_unseen,
-        has_offset=_has_offset(config),
-        bias_sigma=math.radians(e.bias_sigma_dps),
-        offset_sigma=e.time_offset_sigma_s,
-        row_time=config.camera.row_time_s if config.camera else 0.0,
-    )
-
-
-def _has_offset(config: Config) -> bool:
-    """Return whether the camera's time offset is a state.
-
-    One pod leaves rates unseen that look like an offset; it takes two to tell them apart.
-    """
-    wanted = config.estimator.time_offset
-    if wanted == "auto":
-        return config.estimator.form == "general" and len(config.pods) > 1
-    return bool(wanted)

@@ -10,9 +10,9 @@ import yaml
 
 from avionics.config import Camera, Marker, Wing
 from avionics.config import Config as WingConfig
+from avionics.flight.filter_setup import marker_model
 from avionics.wse.markers import MarkerModel
 from avionics.wse.modes import ModeBasis
-from avionics.wse.pinhole import pinhole_from_config
 
 EPOCH_NS = 1_700_000_000_000_000_000
 SPAN_M = 1.5
@@ -42,8 +42,7 @@ class MadeSet:
     def __post_init__(self) -> None:
         markers = tuple(Marker(id=i, s_m=s, x_m=x, z_m=z) for i, (s, x, z) in enumerate(PLACES))
         config = WingConfig(wing=Wing(span_m=SPAN_M), markers=markers, camera=Camera(**TRUE_CAMERA))
-        camera = pinhole_from_config(config.camera)
-        self.model = MarkerModel(ModeBasis("quarter-sine", SPAN_M, 1, 1, 0), config, camera)
+        self.model = marker_model(config, ModeBasis("quarter-sine", SPAN_M, 1, 1, 0))
 
     def q(self, t_s: np.ndarray) -> np.ndarray:
         return np.stack([bending_rad(t_s), np.zeros_like(t_s)], axis=-1)

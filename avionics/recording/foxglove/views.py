@@ -21,13 +21,14 @@ from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from avionics.config import Camera, Config, FlightConfig, stations
+from avionics.flight.filter_setup import pinhole_from_config
 from avionics.kinds import PAPER
 from avionics.recording.foxglove.colours import COLOURS
 from avionics.recording.foxglove.overlay import Overlay
 from avionics.recording.schema.messages import NANOSECONDS, camera_frame, to_timestamp
 from avionics.records import FloatArray, MarkerTracks, Truth, WingShapeEstimate
 from avionics.topics import Record
-from avionics.wse.pinhole import opencv_pose, pinhole_from_config
+from avionics.wse.pinhole import opencv_pose
 
 SCENE_PERIOD_NS = 100_000_000
 Views = list[tuple[str, Message]]

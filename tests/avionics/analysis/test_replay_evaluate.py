@@ -104,7 +104,7 @@ def test_eq17_and_tip_against_their_definition(logs, tmp_path) -> None:
     figures = evaluate(log).to_json_dict()["crg"]
     t_s = np.arange(6.1, 8.9, 0.01)
     camera = reader.config.camera
-    from avionics.wse.pinhole import pinhole_from_config
+    from avionics.flight.filter_setup import pinhole_from_config
 
     lens = pinhole_from_config(camera)
     here = lens.project(made.model.points(made.q(t_s)))

@@ -7,7 +7,7 @@ from avionics.analysis.mocap_tip import tip_from_markers
 from avionics.config import Config, Marker, Wing
 from avionics.datasets.motive import read_motive
 from avionics.errors import DataSetError
-from avionics.wse.markers import MarkerModel
+from avionics.flight.filter_setup import marker_model
 from avionics.wse.modes import ModeBasis
 
 HEAD = "Format Version,1.23,Take Name,T,Export Frame Rate,240.0,Length Units,{unit}\n\n"
@@ -62,7 +62,7 @@ def test_tip_is_unknown_while_none_of_its_own_markers_is_seen() -> None:
     places = [(s, x) for s in (0.5, 1.0, 1.5) for x in (0.1, -0.1)]
     markers = tuple(Marker(id=i, s_m=s, x_m=x, z_m=0.0) for i, (s, x) in enumerate(places))
     config = Config(wing=Wing(span_m=1.5), markers=markers)
-    model = MarkerModel(ModeBasis("quarter-sine", 1.5, 2, 1, 0), config, None)
+    model = marker_model(config, ModeBasis("quarter-sine", 1.5, 2, 1, 0))
     marker_m = np.array([model.points(np.array([0.3, 0.05, 0.02]))] * 3)
     marker_m[1, 5] = marker_m[2, 4:] = np.nan
     # WHEN the tip is fitted

@@ -9,12 +9,12 @@ import pytest
 
 from avionics.config import Config
 from avionics.config.load import default_config_text, parse_config_text
+from avionics.flight.filter_setup import settings_from_config, wing_gs
 from avionics.flight.pipeline import Pipeline
 from avionics.pos.attitude import rotation_from_vector
-from avionics.pos.wing_gs import WingGs, station_angles
+from avionics.pos.wing_gs import station_angles
 from avionics.records import Event, WingShapeEstimate
 from avionics.topics import Record, topic_of
-from avionics.wse.settings import settings_from_config
 from drivers.samples import ImuSample
 
 PERIOD_NS = 10_000_000
@@ -78,7 +78,7 @@ def test_a_turning_root_tells_the_static_bend(config: Config) -> None:
     The wing hangs 0.1 rad, which no integration of the pods' own rates could ever tell.
     """
     settings = settings_from_config(config)
-    gs = WingGs(config, settings)
+    gs = wing_gs(config, settings)
     shapes = settings.basis.shape(settings.pods_s, 1)[:, 0]
     errors, sigmas = [], []
     for k in range(6000):
@@ -115,7 +115,7 @@ def test_a_root_that_is_lost_or_late_leaves_no_false_confidence(
 ) -> None:
     """GIVEN a turning root, WHEN its IMU is away, THEN no error is beyond 4 own sigmas."""
     settings = settings_from_config(config)
-    gs = WingGs(config, settings)
+    gs = wing_gs(config, settings)
     shapes = settings.basis.shape(settings.pods_s, 1)[:, 0]
     at_pods = settings.basis.shape(settings.pods_s, settings.basis.bending)
     ratios, sigmas, told = [], [], []

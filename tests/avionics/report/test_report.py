@@ -8,10 +8,10 @@ import pytest
 from avionics.config import Config
 from avionics.config.load import default_config_text, parse_config
 from avionics.errors import OutputExistsError, RecordingError
+from avionics.flight.filter_setup import pinhole_from_config
 from avionics.recording import LogWriter
 from avionics.records import Event, Health, MarkerTracks, Truth, WingShapeEstimate
 from avionics.topics import Record
-from avionics.wse.pinhole import pinhole_from_config
 from drivers.samples import Frame, ImuSample
 
 try:

@@ -3,9 +3,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from avionics.flight.filter_setup import pinhole_from_config
 from avionics.wse.attitude import camera_attitude
 from avionics.wse.jacobian import complex_step
-from avionics.wse.pinhole import Lens, Pinhole, opencv_pose, pinhole_from_config
+from avionics.wse.pinhole import Lens, Pinhole, opencv_pose
 from tests.avionics.wse.flight import CAMERA, project
 
 POINTS = np.array([[0.1, 0.6, 0.05], [-0.1, 1.2, 0.3], [0.05, 1.5, -0.2], [0.12, 1.4, 0.5]])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from avionics.config.load import default_config_text, parse_config_text
+from avionics.flight.filter_setup import marker_model
 from avionics.wse.adaptive_noise import Sighting, Trust, UpdateRules
 from avionics.wse.markers import MarkerModel
 from avionics.wse.motion import Motion
-from avionics.wse.pinhole import pinhole_from_config
 from avionics.wse.update import MarkerUpdate
 
 ROW_S = 3e-5  # 480 rows in 14 ms, as small rolling shutters have it
@@ -18,8 +18,7 @@ ROW_S = 3e-5  # 480 rows in 14 ms, as small rolling shutters have it
 @pytest.fixture
 def model(basis) -> MarkerModel:
     config = parse_config_text(default_config_text(), (), origin="packaged")
-    assert config.camera is not None
-    return MarkerModel(basis, config, pinhole_from_config(config.camera))
+    return marker_model(config, basis)
 
 
 def rolling(model: MarkerModel, q: np.ndarray, rate: np.ndarray, row_s: float) -> np.ndarray:

@@ -8,8 +8,8 @@ import pytest
 
 from avionics.config import Config, Marker
 from avionics.config.load import parse_config
+from avionics.flight.filter_setup import pinhole_from_config
 from avionics.wse.attitude import station_attitude
-from avionics.wse.pinhole import pinhole_from_config
 from sim_bus.camera.lens import project, undistorted_grid
 from sim_bus.wing.build import make_wing
 from sim_bus.wing.motion import PodMotion
