@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from avionics.config import Config
 from avionics.config.load import default_config_text, parse_config_text
+from avionics.flight.filter_setup import choose_basis, pinhole_from_config
 from avionics.wse.attitude import station_attitude
 from avionics.wse.geometry import WingGeometry
-from avionics.wse.modes import choose_basis
-from avionics.wse.pinhole import pinhole_from_config
 
 Array = NDArray[Any]
 
