@@ -14,8 +14,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("drivers", "avionics", "sim_bus")
 PURE = {"calibration", "pos", "wse"}
 PURE_FOREIGN = {"cv2", "numba", "numpy", "scipy"}
-# No driver, log or clock behind them; the errors of data sets are raised by the calibration.
-HARMLESS = PURE | {"errors"}
+# No driver, log or clock behind them; the errors of data sets are raised by the calibration;
+# compiler.py and cache.py make and keep the machine code of the filters.
+HARMLESS = PURE | {"cache", "compiler", "errors"}
 
 
 def modules() -> dict[str, Path]:

@@ -1,12 +1,14 @@
 """The firmware's core as a shared library, built from ``firmware/`` when it is first needed.
 
-It is compiled with the machine's C compiler and kept under a name that changes with the sources.
+It is compiled with the machine's C compiler and kept in the user's cache, under a name that changes
+with the sources.
 """
 
-import contextlib
+import atexit
 import ctypes
 import hashlib
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -15,6 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from avionics.cache import cache_folder
 from drivers.errors import DriverError
 
 # No warnings here: another compiler's new one must not ground the simulator.
@@ -94,7 +97,7 @@ def build_library() -> Path:
         msg = "simulated CAN pods run the firmware's C core: install a C compiler (apt: gcc)"
         raise DriverError(msg)
     headers = sorted(_SOURCES.glob("*/*.h"))
-    digest = hashlib.sha256(f"{compiler} {_FLAGS}".encode())
+    digest = hashlib.sha256(f"{compiler} {_FLAGS} {platform.machine()}".encode())
     for path in (*sources, *headers):
         digest.update(path.read_bytes())
     target = _build_folder() / f"libpod-{digest.hexdigest()[:16]}.so"
@@ -103,14 +106,14 @@ def build_library() -> Path:
     return target
 
 
+@cache
 def _build_folder() -> Path:
-    cache_home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    for folder in (_SOURCES / "build" / "host", Path(cache_home) / "wing-avionics"):
-        with contextlib.suppress(OSError):
-            folder.mkdir(parents=True, exist_ok=True)
-            if os.access(folder, os.W_OK):
-                return folder
-    return Path(tempfile.mkdtemp(prefix="wing-pod-"))
+    kept = cache_folder("pod")
+    if kept is not None:
+        return kept
+    folder = tempfile.TemporaryDirectory(prefix="wing-pod-", ignore_cleanup_errors=True)
+    atexit.register(folder.cleanup)
+    return Path(folder.name)
 
 
 def _compile(compiler: str, sources: list[Path], target: Path) -> None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from avionics.cache import cache_home
 from sim_bus.guests.guest_process import GuestTimeoutError, run_process
 
 STATUS_MISSING = 77
@@ -111,6 +112,7 @@ def prepare(
     variables = {
         "PATH": os.environ.get("PATH", "/usr/bin:/bin") + ":/usr/sbin:/sbin",
         "HOME": "/tmp",
+        "XDG_CACHE_HOME": str(cache_home()),  # what is compiled on the host serves the guest
         "LANG": "C.UTF-8",
         "RIG_OUT": str(out),
         "UML_OUT": str(out),  # its name before there was a second kind of guest

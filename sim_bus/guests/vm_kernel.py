@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from avionics.cache import cache_path
 from sim_bus.guests.guest import find_tool
 
 META_PACKAGE = "linux-image-amd64"
@@ -53,8 +54,7 @@ class Kernel:
 
 def cache_folder() -> Path:
     """Return where kernels are kept."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "avionics-vm"
+    return cache_path("vm-kernel")
 
 
 def find_kernel() -> Kernel | None:

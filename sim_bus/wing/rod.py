@@ -10,18 +10,16 @@ y along the line, z down. Strains are ordered axial, torsion (about y), out-of-p
 (about x), in-plane bending (about z).
 """
 
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from pathlib import Path
 
+from avionics.compiler import IS_COMPILED, cached_compiler
 from avionics.errors import AvionicsError
 
-try:
-    import numba
-except ImportError as error:
+if not IS_COMPILED:
     msg = "the simulated wing needs numba: pip install 'wing-avionics[desk]'"
-    raise AvionicsError(msg) from error
+    raise AvionicsError(msg)
 
-F = TypeVar("F", bound=Callable[..., Any])
+compiled = cached_compiler("rod", Path(__file__).parent.glob("rod*.py"))
 Vector = tuple[float, float, float]
 Matrix = tuple[float, float, float, float, float, float, float, float, float]
 
@@ -35,12 +33,6 @@ C_SERIES = (
     1 / 6, -1 / 120, 1 / 5040, -1 / 362880, 1 / 39916800, -1 / 6227020800, 1 / 1307674368000,
     -1 / 355687428096000, 1 / 121645100408832000,
 )  # fmt: skip
-
-
-def compiled(function: F) -> F:
-    """Compile a function with numba, cached on disk; ``.py_func`` keeps the plain one."""
-    # nogil: on the bench other threads answer buses while the wing is marched ahead.
-    return cast(F, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 @compiled

@@ -12,7 +12,7 @@ from sim_bus.guests.vm_kernel import KernelError, find_kernel, is_static
 @pytest.fixture
 def cache(monkeypatch, tmp_path: Path) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    return tmp_path / "avionics-vm"
+    return tmp_path / "wing-avionics" / "vm-kernel"
 
 
 def unpacked(cache: Path, version: str, *, is_complete: bool = True) -> None:
