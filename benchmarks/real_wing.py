@@ -21,7 +21,7 @@ from avionics.config import Camera, Config, Estimator, Marker, Pod, Wing
 from avionics.config.links import Bno055Settings
 from avionics.datasets.motive import MotiveTake, read_motive
 from avionics.flight.filter_setup import marker_model, pinhole_from_config, recorded_basis
-from avionics.flight.pipeline import Pipeline
+from avionics.flight.pipelines import Pipelines
 from avionics.records import MarkerTracks, WingShapeEstimate
 from avionics.wse.modes import ModeBasis
 from drivers.samples import ImuSample
@@ -161,7 +161,7 @@ def fly(motion: Motion, config: Config, seed: int) -> dict[str, tuple[np.ndarray
         )  # fmt: skip
         events.append((int(t) + 45_000_000, 1, tracks))
     kept = Kept()
-    pipeline = Pipeline(config, kept)
+    pipeline = Pipelines(config, kept)
     for arrival_ns, kind, record in sorted(events, key=lambda e: (e[0], e[1])):
         (pipeline.on_imu if kind == 0 else pipeline.on_tracks)(record, arrival_ns)
     pipeline.close()

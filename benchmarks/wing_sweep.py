@@ -19,7 +19,7 @@ from avionics.analysis.evaluate import evaluate
 from avionics.analysis.replay import replay
 from avionics.config.load import apply_overrides, parse_config
 from avionics.datasets.import_set import import_set
-from avionics.flight.pipeline import Pipeline
+from avionics.flight.pipelines import Pipelines
 from avionics.recording import LogReader
 from drivers.samples import ImuSample
 
@@ -69,7 +69,7 @@ def fuse(log: Path, overrides: tuple[str, ...]) -> None:
     """Read a log and fuse it; nothing is written."""
     reader = LogReader(log)
     described = apply_overrides(reader.config.model_dump(mode="json"), overrides)
-    pipeline = Pipeline(parse_config(described, origin="benchmark"), Nowhere())
+    pipeline = Pipelines(parse_config(described, origin="benchmark"), Nowhere())
     for message in reader.messages(("/imu/*", "/camera/*/tracks")):
         if isinstance(message.record, ImuSample):
             pipeline.on_imu(message.record, message.arrival_ns)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from avionics.config import Config, one_wing
 from avionics.config.load import apply_overrides, parse_config
 from avionics.errors import RecordingError
-from avionics.flight.pipeline import Pipeline
+from avionics.flight.pipelines import Pipelines
 from avionics.recording import EncodedFrame, LogReader, appearing_whole
 from avionics.recording.log_process import LogProcess
 from avionics.records import Event, Health, MarkerTracks, Truth
@@ -126,7 +126,7 @@ def _configuration(config: Config, overrides: tuple[str, ...], tracker: str | No
 class _Replay:
     def __init__(self, config: Config, writer: LogProcess, *, track: bool, images: bool) -> None:
         self._images, self._track = images, track
-        self._pipeline = Pipeline(config, writer)
+        self._pipeline = Pipelines(config, writer)
         self._tracker: Tracker | None = None
         self._can_track = config.camera is not None and bool(config.markers)
         if track and self._can_track:

@@ -12,12 +12,15 @@ class Slot(NamedTuple):
 
     Attributes
     ----------
+    wing : int
+        Whose they are.
     is_tick : bool
         Whether they are a tick's.
     t_ns, now_ns : int
         When they were true, and when they were made, ns.
     """
 
+    wing: int
     is_tick: bool
     t_ns: int
     now_ns: int
@@ -31,8 +34,8 @@ Item = Slot | tuple[Record, int]
 class BatchSink(Protocol):
     """A sink that makes the rows itself, such as one in another process."""
 
-    def take(self, batch: RowBatch, items: Sequence[Item]) -> None:
-        """Write records in order, and the rows in their places among them."""
+    def take(self, batches: Sequence[RowBatch], items: Sequence[Item]) -> None:
+        """Write records in order, and the rows of each wing in their places among them."""
         ...
 
 
@@ -41,22 +44,26 @@ class RowWriter:
 
     Parameters
     ----------
-    rows : RowMaker
-        Makes the rows.
+    rows : sequence of RowMaker
+        Make the rows, one a wing.
     sink : Sink
         Takes every record.
     """
 
-    def __init__(self, rows: RowMaker, sink: Sink) -> None:
+    def __init__(self, rows: Sequence[RowMaker], sink: Sink) -> None:
         self._rows = rows
         self._sink = sink
 
-    def take(self, batch: RowBatch, items: Sequence[Item]) -> None:
-        """Write records in order, and the rows in their places among them."""
-        made, filtered = self._rows.together(batch)
-        pairs, singles = iter(made), iter(filtered)
+    def take(self, batches: Sequence[RowBatch], items: Sequence[Item]) -> None:
+        """Write records in order, and the rows of each wing in their places among them."""
+        made = [
+            (iter(pairs), iter(singles))
+            for maker, batch in zip(self._rows, batches, strict=True)
+            for pairs, singles in [maker.together(batch)]
+        ]
         for item in items:
             if isinstance(item, Slot):
+                pairs, singles = made[item.wing]
                 for row in next(pairs) if item.is_tick else (next(singles),):
                     self._sink.write(row, item.now_ns)
             else:
@@ -73,41 +80,51 @@ class Outbox:
     ----------
     sink : BatchSink
         Takes rows and records.
+    wings : int
+        How many wings' rows there are.
     at_once : int
         Ticks whose rows are made together. Groups are counted in time, so that a replay forms the
         same ones.
     """
 
-    def __init__(self, sink: BatchSink, *, at_once: int) -> None:
+    def __init__(self, sink: BatchSink, *, wings: int, at_once: int) -> None:
         self._sink = sink
         self._at_once = at_once
         self._items: list[Item] = []
-        self._ticks: list[Tick] = []
-        self._seen: list[Seen] = []
+        self._ticks: list[list[Tick]] = [[] for _ in range(wings)]
+        self._seen: list[list[Seen]] = [[] for _ in range(wings)]
+        self._has_rows = False
 
     def write(self, record: Record, arrival_ns: int) -> None:
         """Take a record."""
         self._items.append((record, arrival_ns))
-        if not self._ticks and not self._seen:
+        if not self._has_rows:
             self.flush()
 
-    def tick(self, tick: Tick) -> None:
+    def tick(self, tick: Tick, wing: int) -> None:
         """Take a tick whose rows are due."""
-        self._items.append(Slot(is_tick=True, t_ns=tick.t_ns, now_ns=tick.t_ns))
-        self._ticks.append(tick)
-        if (tick.number + 1) % self._at_once == 0:
+        self._items.append(Slot(wing, is_tick=True, t_ns=tick.t_ns, now_ns=tick.t_ns))
+        self._ticks[wing].append(tick)
+        self._has_rows = True
+
+    def end_tick(self, number: int) -> None:
+        """Hand on what waits if the tick that every wing has had ends a group."""
+        if (number + 1) % self._at_once == 0:
             self.flush()
 
-    def seen(self, seen: Seen) -> None:
+    def seen(self, seen: Seen, wing: int) -> None:
         """Take a frame whose row is due."""
-        self._items.append(Slot(is_tick=False, t_ns=seen.t_ns, now_ns=seen.now_ns))
-        self._seen.append(seen)
+        self._items.append(Slot(wing, is_tick=False, t_ns=seen.t_ns, now_ns=seen.now_ns))
+        self._seen[wing].append(seen)
+        self._has_rows = True
 
     def flush(self) -> None:
         """Hand on everything that waits."""
         items, ticks, seen = self._items, self._ticks, self._seen
-        self._items, self._ticks, self._seen = [], [], []
-        self._sink.take(row_batch(ticks, seen), items)
+        self._items = []
+        self._ticks, self._seen = [[] for _ in ticks], [[] for _ in seen]
+        self._has_rows = False
+        self._sink.take([row_batch(*rows) for rows in zip(ticks, seen, strict=True)], items)
 
 
 class FanOut:

@@ -1,4 +1,4 @@
-"""Records in, records out: the one path of samples and tracks to estimates."""
+"""The one path of a wing's samples and tracks to its estimates."""
 
 from typing import TYPE_CHECKING
 
@@ -7,12 +7,11 @@ import numpy as np
 from avionics.config import Config
 from avionics.flight.estimate_rows import ROWS_PER_COVARIANCE, RowMaker, Seen, Tick
 from avionics.flight.filter_setup import marker_model, settings_from_config, wing_gs
-from avionics.flight.health import HealthLog
+from avionics.flight.health import HealthLog, Level
 from avionics.flight.imu_channel import ImuChannel
-from avionics.flight.outputs import BatchSink, Outbox, RowWriter
+from avionics.flight.outputs import Outbox
 from avionics.kinds import GS
 from avionics.records import MarkerPrediction, MarkerTracks
-from avionics.topics import Record, Sink
 from avionics.wse.adaptive_noise import NO_VERDICT, Sighting, Verdict
 from avionics.wse.fusion import WingFusion
 from avionics.wse.gyro_inputs import GyroInputs
@@ -24,29 +23,40 @@ if TYPE_CHECKING:
 
 ROOT = "root"
 ESTIMATOR = "estimator"
-# A jump of the arrival clock beyond this is not bridged by rows.
-LONGEST_SILENCE_NS = 60_000_000_000
 
 
 class Pipeline:
-    """Fuses what arrives; a pure function of the calls and their arguments.
-
-    Everything that arrives is written to the sink as it came, everything made is written at the
-    tick or the arrival that made it; all in order, at most ``estimator.rows_at_once`` ticks later.
-    Rows stand on a grid of ``estimator.row_period_s`` in the clock of the arrivals and hold what
-    had arrived by their instant, extrapolated to it.
+    """Fuses what one wing's pods and camera deliver; ``Pipelines`` gives it records and ticks.
 
     Parameters
     ----------
     config : Config
-        What flies.
-    sink : Sink or BatchSink
-        Takes every record: those received and those made.
+        The wing, and how it is estimated.
+    outbox : Outbox
+        Takes what is made: rows, events.
+    health : HealthLog
+        Takes the counters.
+    rows : RowMaker
+        Makes this wing's rows.
+    wing : int
+        Number of the wing in the outbox.
+    is_only : bool
+        Whether no other wing flies; otherwise sources carry this one's name.
     """
 
-    def __init__(self, config: Config, sink: Sink | BatchSink) -> None:
+    def __init__(
+        self,
+        config: Config,
+        outbox: Outbox,
+        health: HealthLog,
+        rows: RowMaker,
+        *,
+        wing: int = 0,
+        is_only: bool = True,
+    ) -> None:
         self._config = config
-        self._camera = f"camera {config.camera.name}" if config.camera else "camera"
+        self._suffix = "" if is_only else f" {config.wing.name}"
+        self._camera = f"camera {config.camera.name}" if config.camera else f"camera{self._suffix}"
         self._offset_ns = round(1e9 * config.camera.time_offset_s) if config.camera else 0
         settings = settings_from_config(config)
         model = marker_model(config, settings.basis)
@@ -55,12 +65,8 @@ class Pipeline:
         self._hypotheses = marker_hypotheses(model, np.diag(settings.prior))
         self._fusion = WingFusion(settings, model, paper_model)
         self._gs = wing_gs(config, settings) if "gs" in config.estimators else None
-        self._rows = RowMaker(config)
-        self._sink = Outbox(
-            sink if isinstance(sink, BatchSink) else RowWriter(self._rows, sink),
-            at_once=config.estimator.rows_at_once,
-        )
-        self._health = HealthLog(self._sink)
+        self._rows, self._wing = rows, wing
+        self._sink, self._health = outbox, health
         mirrored = config.wing.side == "left"
         self._channels = {
             pod.name: ImuChannel(
@@ -77,21 +83,13 @@ class Pipeline:
         self._health.declare(
             self._camera, "frames", "markers_found", "markers_gated", "too_old", "lock_outs"
         )
-        self._period_ns = settings.step_ns
-        self._tick_ns: int | None = None
-        self._now_ns = 0
         self._waiting: list[Sighting] = []
         self._verdict = NO_VERDICT
         self._fixed_pixel_sigma = config.estimator.pixel_sigma_px
 
     def on_imu(self, sample: ImuSample, arrival_ns: int) -> None:
-        """Take one sample of a pod or of the root."""
-        self._catch_up(arrival_ns, before=True)
-        self._sink.write(sample, arrival_ns)
+        """Take one sample of a pod of this wing, or of the root."""
         channel = self._channel(sample.pod)
-        if channel is None:
-            self._health.count(f"pod {sample.pod}", "unknown")
-            return
         taken = channel.take(sample, arrival_ns)
         if taken is None:
             return
@@ -112,22 +110,20 @@ class Pipeline:
             return (self._fusion.inputs,)
         return (self._gs.inputs, self._fusion.inputs)
 
-    def _channel(self, name: str) -> ImuChannel | None:
-        channel = self._channels.get(name)
-        if channel is None and name == ROOT:
-            channel = self._channels[ROOT] = ImuChannel(
-                "root",
+    def _channel(self, name: str) -> ImuChannel:
+        """Return the channel of a pod; that of the root is made when its first sample comes."""
+        if name == ROOT and ROOT not in self._channels:
+            self._channels[ROOT] = ImuChannel(
+                f"root{self._suffix}",
                 None,
                 self._config.estimator,
                 is_mirrored=self._mirrored,
                 health=self._health,
             )
-        return channel
+        return self._channels[name]
 
     def on_tracks(self, tracks: MarkerTracks, arrival_ns: int) -> None:
         """Take the markers of one frame, as late and out of order as they come."""
-        self._catch_up(arrival_ns, before=True)
-        self._sink.write(tracks, arrival_ns)
         found = tracks.found & np.isfinite(tracks.pixel).all(axis=1)
         self._health.count(self._camera, "frames")
         self._health.count(self._camera, "markers_found", int(found.sum()))
@@ -161,68 +157,44 @@ class Pipeline:
         self._report(verdict, now_ns)
         if verdict.used.any():
             self._verdict = verdict
-        self._sink.seen(Seen(sighting.t_ns, now_ns, belief, verdict))
+        self._sink.seen(Seen(sighting.t_ns, now_ns, belief, verdict), self._wing)
 
     def _report(self, verdict: Verdict, now_ns: int) -> None:
         if verdict.locked_out:
             self._health.count(self._camera, "lock_outs")
             message = f"most markers rejected ({verdict.gated} of {verdict.found})"
-            self._health.tell(ESTIMATOR, "warning", message, now_ns)
+            self._tell("warning", message, now_ns)
         if verdict.lost:
-            self._health.tell(ESTIMATOR, "error", "the estimate was lost; starting anew", now_ns)
+            self._tell("error", "the estimate was lost; starting anew", now_ns)
         if verdict.reacquired:
             message = f"shape found again from {int(verdict.used.sum())} markers that agree"
-            self._health.tell(ESTIMATOR, "warning", message, now_ns)
+            self._tell("warning", message, now_ns)
 
-    def pass_on(self, record: Record, arrival_ns: int) -> None:
-        """Write a record that the filter has no use for, in its place among the others."""
-        self._catch_up(arrival_ns, before=False)
-        self._sink.write(record, arrival_ns)
+    def _tell(self, level: Level, message: str, now_ns: int) -> None:
+        self._health.tell(f"{ESTIMATOR}{self._suffix}", level, message, now_ns)
 
-    def advance(self, arrival_ns: int) -> None:
-        """Emit every row that is due up to ``arrival_ns``, that instant included."""
-        self._catch_up(arrival_ns, before=False)
-
-    def _catch_up(self, arrival_ns: int, *, before: bool) -> None:
-        period = self._period_ns
-        self._now_ns = max(self._now_ns, arrival_ns)
-        if self._tick_ns is None:
-            self._tick_ns = -(-arrival_ns // period) * period
-        last = arrival_ns - 1 if before else arrival_ns
-        if last - self._tick_ns > LONGEST_SILENCE_NS:
-            self._begin_anew(last)
-        while self._tick_ns <= last:
-            self._tick(self._tick_ns)
-            self._tick_ns += period
-
-    def _begin_anew(self, now_ns: int) -> None:
-        """Leave out the rows of a silence in which nothing at all arrived."""
-        assert self._tick_ns is not None
-        silent_s = (now_ns - self._tick_ns) * 1e-9
-        message = f"nothing arrived for {silent_s:.0f} s; starting anew"
-        self._health.tell(ESTIMATOR, "warning", message, self._tick_ns)
+    def restart(self) -> None:
+        """Forget everything: the next samples are a new start."""
         self._fusion.begin_anew()
         if self._gs is not None:
             self._gs.begin_anew()
         self._waiting.clear()
-        self._tick_ns = now_ns // self._period_ns * self._period_ns
 
-    def _tick(self, tick_ns: int) -> None:
+    def tick(self, tick_ns: int, number: int) -> None:
+        """Make the row that is due at an instant of the grid, the ``number``-th since zero."""
         self._fusion.commit(tick_ns)
         self._fuse_waiting(tick_ns)
         outlook = self._fusion.row(tick_ns)
-        number = tick_ns // self._period_ns
         full = number % ROWS_PER_COVARIANCE == 0
-        self._sink.tick(Tick(tick_ns, number, outlook, self._verdict, full))
+        self._sink.tick(Tick(tick_ns, number, outlook, self._verdict, full), self._wing)
         if self._gs is not None:
             self._gs_row(self._gs, tick_ns)
         for channel in self._channels.values():
             channel.watch(tick_ns)
-        self._health.account(tick_ns)
 
     def _gs_row(self, gs: "WingGs", tick_ns: int) -> None:
         for level, message in gs.commit(tick_ns):
-            self._health.tell("gs", level, message, tick_ns)
+            self._health.tell(f"gs{self._suffix}", level, message, tick_ns)
         belief = gs.row(tick_ns)
         if belief is None:
             return
@@ -244,11 +216,6 @@ class Pipeline:
         covariance[~view.can_see] = np.nan
         return MarkerPrediction(t_ns, pixel, covariance, self._hypotheses)
 
-    def close(self) -> None:
-        """Write what is still due; may be called twice."""
-        if self._tick_ns is None or self._now_ns == 0:
-            return
-        self._fuse_waiting(self._now_ns)
-        self._health.account(self._now_ns, is_last=True)
-        self._sink.flush()
-        self._now_ns = 0
+    def close(self, now_ns: int) -> None:
+        """Fuse what still waits."""
+        self._fuse_waiting(now_ns)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from avionics.config import Config
-from avionics.flight.pipeline import Pipeline
+from avionics.flight.pipelines import Pipelines
 from avionics.flight.rig import Rig
 from avionics.records import Event, Health, MarkerPrediction, MarkerTracks, Truth
 from avionics.topics import Record, Sink
@@ -38,7 +38,7 @@ class Flight:
 
     def __init__(self, rig: Rig, config: Config, sink: Sink) -> None:
         self._reporting = [s for s in _sources(rig) if isinstance(s, Reporting)]
-        self._pipeline = Pipeline(config, sink)
+        self._pipeline = Pipelines(config, sink)
         self._next_health_ns: int | None = None
 
     def take(self, record: Record, arrival_ns: int) -> None:

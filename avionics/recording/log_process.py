@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
-from avionics.config import Config, one_wing
+from avionics.config import FlightConfig
 from avionics.config.load import parse_config
 from avionics.errors import AvionicsError, RecordingError
 from avionics.flight.estimate_rows import RowBatch, RowMaker
@@ -50,7 +50,7 @@ class LogProcess:
     def __init__(
         self,
         path: Path,
-        config: Config,
+        config: FlightConfig,
         *,
         utc_offset_ns: int = 0,
         metadata: Mapping[str, str] | None = None,
@@ -81,9 +81,9 @@ class LogProcess:
         }
         self._put((path, config.model_dump(mode="json"), options))
 
-    def take(self, batch: RowBatch, items: Sequence[Item]) -> None:
-        """Have records written in order, and the rows in their places among them."""
-        self._put((batch, [self._coded(item) for item in items]))
+    def take(self, batches: Sequence[RowBatch], items: Sequence[Item]) -> None:
+        """Have records written in order, and the rows of each wing in their places."""
+        self._put((batches, [self._coded(item) for item in items]))
 
     def _coded(self, item: Item) -> Item | _Coded:
         if isinstance(item, Slot) or isinstance(item[0], Frame):
@@ -147,15 +147,15 @@ class LogProcess:
 def _write_log(source: BinaryIO) -> None:
     """Write the log that ``source`` describes, until it ends, however that comes about."""
     path, tables, options = pickle.load(source)
-    config = one_wing(parse_config(tables, origin=str(path)), str(path))
+    config = parse_config(tables, origin=str(path))
     offset_ns = options["utc_offset_ns"]
     with LogWriter(path, config, **options) as writer:
-        rows = RowWriter(RowMaker(config), writer)
+        rows = RowWriter([RowMaker(each) for each in config.wing_configs], writer)
         # A parent that was killed leaves half a message.
         with contextlib.suppress(EOFError, pickle.UnpicklingError):
             while True:
-                batch, items = pickle.load(source)
-                rows.take(batch, [_decoded(item, offset_ns) for item in items])
+                batches, items = pickle.load(source)
+                rows.take(batches, [_decoded(item, offset_ns) for item in items])
 
 
 def _decoded(item: Item | _Coded, utc_offset_ns: int) -> Item:

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from avionics.config.load import apply_overrides, parse_config
-from avionics.flight.pipeline import Pipeline
+from avionics.flight.pipelines import Pipelines
 from avionics.records import MarkerTracks, WingShapeEstimate
 from drivers.samples import ImuSample
 
@@ -34,7 +34,7 @@ def numbers(values) -> np.ndarray:
 def fly(stored: dict, form: str) -> dict[str, list[WingShapeEstimate]]:
     rows = Rows()
     described = apply_overrides(stored["config"], (f"estimator.form={form}",))
-    pipeline = Pipeline(parse_config(described, origin=STORED.name), rows)
+    pipeline = Pipelines(parse_config(described, origin=STORED.name), rows)
     for kind, arrival_ns, t_ns, source, number, *values in stored["events"]:
         if kind == "imu":
             pipeline.on_imu(ImuSample(t_ns, source, number, numbers(values[0])), arrival_ns)

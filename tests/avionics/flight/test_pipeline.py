@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from avionics.flight.pipeline import Pipeline
+from avionics.flight.pipelines import Pipelines
 from avionics.records import MarkerTracks
 from drivers.samples import ImuSample
 from tests.avionics.wse.flight import (
@@ -149,7 +149,7 @@ def test_fusing_at_arrival_is_worse_than_rewinding(flight) -> None:
 
 def test_markers_are_predicted_before_during_and_ahead(flight) -> None:
     sink = ListSink()
-    pipeline = Pipeline(flight.config, sink)
+    pipeline = Pipelines(flight.config, sink)
     start = pipeline.predict_markers(EPOCH_NS)
     assert np.isfinite(start.pixel).all()
     assert np.sqrt(start.covariance_px2[:, 1, 1].min()) > 20
@@ -181,7 +181,7 @@ def test_without_a_camera_the_gyros_go_on(flight) -> None:
 
 def test_unknown_pods_are_counted_and_recorded(flight) -> None:
     sink = ListSink()
-    pipeline = Pipeline(flight.config, sink)
+    pipeline = Pipelines(flight.config, sink)
     pipeline.on_imu(ImuSample(EPOCH_NS, "9", 0, np.zeros(3)), EPOCH_NS)
     pipeline.advance(EPOCH_NS + 1_500_000_000)
     pipeline.close()

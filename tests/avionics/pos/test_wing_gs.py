@@ -10,7 +10,7 @@ import pytest
 from avionics.config import Config
 from avionics.config.load import default_config_text, parse_config_text
 from avionics.flight.filter_setup import settings_from_config, wing_gs
-from avionics.flight.pipeline import Pipeline
+from avionics.flight.pipelines import Pipelines
 from avionics.pos.attitude import rotation_from_vector
 from avionics.pos.wing_gs import station_angles
 from avionics.records import Event, WingShapeEstimate
@@ -151,7 +151,7 @@ def never(k: int) -> bool:
 
 def fly(config: Config, *, root: Callable[[int], bool], seconds: float = 1.5) -> ListSink:
     sink = ListSink()
-    pipeline = Pipeline(config, sink)
+    pipeline = Pipelines(config, sink)
     rng = np.random.default_rng(0)
     sample: dict[str, Any] = {"specific_force_m_s2": None, "magnetic_flux_t": None}
     for k in range(int(seconds * 100)):

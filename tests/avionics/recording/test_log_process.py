@@ -11,7 +11,7 @@ import pytest
 
 from avionics.errors import OutputExistsError, RecordingError
 from avionics.flight.estimate_rows import row_batch
-from avionics.flight.pipeline import Pipeline
+from avionics.flight.pipelines import Pipelines
 from avionics.recording import LogReader, LogWriter
 from avionics.recording.log_process import LogProcess
 from drivers.samples import Frame, ImuSample
@@ -28,7 +28,7 @@ def flight() -> Flight:
 
 def fly(flight: Flight, writer) -> None:
     with writer:
-        pipeline = Pipeline(flight.config, writer)
+        pipeline = Pipelines(flight.config, writer)
         for arrival_ns, record in flight.events():
             if isinstance(record, ImuSample):
                 pipeline.on_imu(record, arrival_ns)

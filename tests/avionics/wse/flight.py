@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from avionics.config import Camera, Config, Estimator, Marker, Pod, Wing
-from avionics.flight.pipeline import Pipeline
+from avionics.flight.pipelines import Pipelines
 from avionics.records import Event, Health, MarkerTracks, WingShapeEstimate
 from avionics.topics import Record, topic_of
 from drivers.samples import ImuSample
@@ -272,7 +272,7 @@ class Flight:
 def fly(config: Config, events: list[tuple[int, object]]) -> ListSink:
     """Run the pipeline over events."""
     sink = ListSink()
-    pipeline = Pipeline(config, sink)
+    pipeline = Pipelines(config, sink)
     for arrival_ns, record in events:
         if isinstance(record, ImuSample):
             pipeline.on_imu(record, arrival_ns)
