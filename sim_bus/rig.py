@@ -1,10 +1,11 @@
 """``open_sim_rig``: the real drivers on simulated buses, the camera and the truth, one clock."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from avionics.config import Config
+from avionics.config import FlightConfig
 from avionics.config.links import I2cLink
 from avionics.flight.rig import Rig
 from avionics.records import Truth
@@ -36,12 +37,13 @@ WARM_UP_STEP_NS = 1_000_000
 
 
 class SimTruth:
-    """The wing's true shape at a fixed rate; a ``Source[Truth]``."""
+    """The wings' true shapes, one after the other, at a fixed rate; a ``Source[Truth]``."""
 
-    def __init__(self, wing: SimWing, clock: Clock, rate_hz: float) -> None:
-        self._wing, self._clock = wing, clock
+    def __init__(self, wings: Sequence[SimWing], clock: Clock, rate_hz: float) -> None:
+        self._wings, self._clock = wings, clock
         self._period_ns = round(1e9 / rate_hz)
-        self._due_ns = wing.epoch_ns
+        self._due_ns = wings[0].epoch_ns
+        self._next = 0
         self._is_open = True
 
     def read(self, timeout_s: float) -> Truth | None:
@@ -52,8 +54,11 @@ class SimTruth:
                 self._clock.sleep_until_ns(deadline_ns)
             return None
         self._clock.sleep_until_ns(self._due_ns)
-        due_ns, self._due_ns = self._due_ns, self._due_ns + self._period_ns
-        return self._wing.truth(due_ns)
+        truth = self._wings[self._next].truth(self._due_ns)
+        self._next = (self._next + 1) % len(self._wings)
+        if self._next == 0:
+            self._due_ns += self._period_ns
+        return truth
 
     def close(self) -> None:
         """Stop; may be called twice."""
@@ -66,8 +71,8 @@ class SimRig(Rig):
 
     Attributes
     ----------
-    wing : SimWing
-        The truth behind it.
+    wings : tuple of SimWing
+        The truth behind it, one wing or several.
     faults : FaultPlan
         What goes wrong; faults can be switched on while it flies.
     chips : dict of str to SimBno055
@@ -76,10 +81,15 @@ class SimRig(Rig):
         The pods on CAN.
     """
 
-    wing: SimWing = field(kw_only=True)
+    wings: tuple[SimWing, ...] = field(kw_only=True)
     faults: FaultPlan = field(kw_only=True)
     chips: dict[str, SimBno055] = field(default_factory=dict)
     pods: list[SimPod] = field(default_factory=list)
+
+    @property
+    def wing(self) -> SimWing:
+        """The first wing, whose root is that of all."""
+        return self.wings[0]
 
     def close(self) -> None:
         """Close every source and every simulated part; may be called twice."""
@@ -111,6 +121,14 @@ def make_faults(scenario: Scenario, epoch_ns: int, rng: np.random.Generator) -> 
     )
 
 
+def part_name(part: str, name: str, config: FlightConfig) -> str:
+    """Return what one of several parts is called in the fault plan and for its random draws.
+
+    Where only one wing flies, its name does not matter.
+    """
+    return part if len(config.wing_configs) == 1 else f"{part} {name}"
+
+
 def imu_grade(quality: ImuQuality) -> ImuGrade:
     """Return the grade of chip that a scenario asks for."""
     return ImuGrade(
@@ -125,17 +143,18 @@ def imu_grade(quality: ImuQuality) -> ImuGrade:
 
 
 def open_sim_rig(
-    config: Config, scenario: Scenario, *, seed: int = 0, realtime: bool = False
+    config: FlightConfig, scenario: Scenario, *, seed: int = 0, realtime: bool = False
 ) -> SimRig:
-    """Return the simulated wing behind the real drivers, opened and at time zero.
+    """Return the simulated wings behind the real drivers, opened and at time zero.
 
     Parameters
     ----------
-    config : Config
+    config : Config or WingsConfig
         What flies. Every pod's ``link`` decides the bus its chip is behind; a pod without one
-        sits on I2C. The configured camera is the true one.
+        sits on I2C. The configured cameras are the true ones.
     scenario : Scenario
-        What happens.
+        What happens: to all wings the same, save the turbulence and what is random; their one
+        root moves them all.
     seed : int
         Of every random draw; the same seed gives the same flight.
     realtime : bool
@@ -151,19 +170,29 @@ def open_sim_rig(
     clock: SimClock | PacedClock = PacedClock() if realtime else SimClock()
     epoch_ns = clock.now_ns() + EPOCH_NS
     faults = make_faults(scenario, epoch_ns, generator(seed, "faults"))
-    wing = make_wing(config, scenario, rng=generator(seed, "wing"), epoch_ns=epoch_ns)
-    rig = SimRig(clock, wing=wing, faults=faults)
+    wings = tuple(
+        make_wing(
+            each,
+            scenario,
+            rng=generator(seed, part_name("wing", each.wing.name, config)),
+            epoch_ns=epoch_ns,
+        )
+        for each in config.wing_configs
+    )
+    rig = SimRig(clock, wings=wings, faults=faults)
     try:
         _open(rig, clock, config, scenario, seed)
         _warm_up(rig, clock)
-        if config.camera is not None:
-            camera = SimCamera(
-                config.camera, wing, config.markers, clock, look=scenario.picture,
-                rng=generator(seed, "camera"), faults=faults,
-                start_ns=wing.epoch_ns + round(0.5e9 / config.camera.fps),
-            )  # fmt: skip
-            rig.cameras.append(camera)
-        rig.truth = SimTruth(wing, clock, scenario.truth_hz)
+        for each, wing in zip(config.wing_configs, wings, strict=True):
+            if each.camera is not None:
+                target = part_name("camera", each.camera.name, config)
+                camera = SimCamera(
+                    each.camera, wing, each.markers, clock, look=scenario.picture,
+                    rng=generator(seed, target), faults=faults, target=target,
+                    start_ns=wing.epoch_ns + round(0.5e9 / each.camera.fps),
+                )  # fmt: skip
+                rig.cameras.append(camera)
+        rig.truth = SimTruth(wings, clock, scenario.truth_hz)
     except BaseException:
         rig.close()
         raise
@@ -171,14 +200,15 @@ def open_sim_rig(
 
 
 def _open(
-    rig: SimRig, clock: SimClock | PacedClock, config: Config, scenario: Scenario, seed: int
+    rig: SimRig, clock: SimClock | PacedClock, config: FlightConfig, scenario: Scenario, seed: int
 ) -> None:
     grade, now_ns = imu_grade(scenario.imu), clock.now_ns()
-    for pod in config.pods:
-        rng = generator(seed, f"pod {pod.name}")
-        rig.chips[pod.name] = SimBno055(
-            PodMotion(rig.wing, pod), rng, grade=grade, power_on_ns=now_ns, is_booted=False
-        )
+    for wing, each in zip(rig.wings, config.wing_configs, strict=True):
+        for pod in each.pods:
+            rng = generator(seed, f"pod {pod.name}")
+            rig.chips[pod.name] = SimBno055(
+                PodMotion(wing, pod), rng, grade=grade, power_on_ns=now_ns, is_booted=False
+            )
     links = {pod.name: pod.link or I2cLink(bus=100 + pod.id) for pod in config.pods}
     openers: list[Opener] = []
     parts = Parts(clock, rig.faults, rig.chips, rig.pods)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from avionics.config import Config, Pod
+from avionics.config import FlightConfig, Pod
 from avionics.config.links import CanLink, I2cLink, UartLink
 from avionics.errors import ConfigError
 from avionics.flight.chips import chip_settings, pod_settings
@@ -84,7 +84,7 @@ def _device(port: RegisterPort, clock: Clock, pod: Pod) -> Bno055:
     return Bno055(port, clock, pod=pod.name, settings=chip_settings(pod.chip))
 
 
-def i2c_sources(parts: Parts, config: Config, links: Links, *, byte_ns: int) -> Opened:
+def i2c_sources(parts: Parts, config: FlightConfig, links: Links, *, byte_ns: int) -> Opened:
     """Return one source per I2C bus and what opens it."""
     buses: dict[int, list[tuple[Pod, I2cLink]]] = {}
     for pod in config.pods:
@@ -129,7 +129,7 @@ def root_source(parts: Parts, chip: SimBno055, *, byte_ns: int) -> tuple[Source[
     return _polled([device], 100.0, bus, clock, parts.clock)
 
 
-def uart_sources(parts: Parts, config: Config, links: Links) -> Opened:
+def uart_sources(parts: Parts, config: FlightConfig, links: Links) -> Opened:
     """Return one source per serial line and what opens it."""
     opened: Opened = []
     for pod in config.pods:
@@ -146,7 +146,7 @@ def uart_sources(parts: Parts, config: Config, links: Links) -> Opened:
 
 
 def can_sources(
-    parts: Parts, config: Config, links: Links, quality: ImuQuality, seed: int
+    parts: Parts, config: FlightConfig, links: Links, quality: ImuQuality, seed: int
 ) -> Opened:
     """Make the pods; return one source per CAN channel and what opens it."""
     buses: dict[str, list[tuple[Pod, CanLink]]] = {}

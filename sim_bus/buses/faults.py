@@ -37,7 +37,8 @@ class Fault:
     kind : str
         One of ``KINDS``.
     target : str
-        ``"pod 0"``, ``"camera"``, or ``"*"`` for every part that knows the kind.
+        ``"pod 0"``, ``"camera"`` (with several wings each of them, or one: ``"camera left"``, by
+        its name), or ``"*"`` for every part that knows the kind.
     start_ns, stop_ns : int
         From when to when it is active, ns.
     probability : float
@@ -64,7 +65,7 @@ class Fault:
 
     def is_for(self, target: str) -> bool:
         """Return whether a part is meant."""
-        return self.target in {"*", target}
+        return self.target in {"*", target} or target.startswith(f"{self.target} ")
 
 
 @dataclass(slots=True)

@@ -62,6 +62,8 @@ class SimCamera:
         What goes wrong.
     start_ns : int
         Middle of the first exposure, ns.
+    target : str
+        What it is called in the fault plan.
     """
 
     def __init__(
@@ -75,11 +77,12 @@ class SimCamera:
         rng: np.random.Generator,
         faults: FaultPlan | None = None,
         start_ns: int = 0,
+        target: str = TARGET,
     ) -> None:
         self._camera, self._wing, self._markers = camera, wing, markers
         self._clock, self._look, self._rng = clock, look, rng
         self._faults = FaultPlan() if faults is None else faults
-        self._start_ns = start_ns
+        self._start_ns, self._target = start_ns, target
         self._painter = Painter(camera.width_px, camera.height_px, look, rng)
         self._grade = 1 + 0.15 * rng.uniform(-1, 1, len(markers))
         self._flicker = rng.uniform(0, 2 * np.pi, 3)
@@ -117,7 +120,7 @@ class SimCamera:
     def frame(self, exposure: Exposure) -> Frame:
         """Return the painted frame of an exposure."""
         stamp_ns = exposure.t_ns + round(self._look.time_offset_s * 1e9)
-        is_frozen = self._faults.active("camera_freeze", TARGET, exposure.t_ns) is not None
+        is_frozen = self._faults.active("camera_freeze", self._target, exposure.t_ns) is not None
         if not (is_frozen and self._frozen is not None):
             self._frozen = self._paint(exposure.t_ns)
         return Frame(stamp_ns, self._camera.name, exposure.index, self._frozen)
@@ -150,7 +153,7 @@ class SimCamera:
         hidden = np.zeros(len(self._markers), dtype=np.bool_)
         for fault in self._faults.faults:
             is_now = fault.start_ns <= t_ns < fault.stop_ns
-            if fault.kind == "marker_hidden" and is_now and fault.is_for(TARGET):
+            if fault.kind == "marker_hidden" and is_now and fault.is_for(self._target):
                 hidden |= [not fault.markers or m.id in fault.markers for m in self._markers]
         return hidden
 
@@ -175,14 +178,14 @@ class SimCamera:
             )  # fmt: skip
             t_ns = self._start_ns + round((index / self._camera.fps + jitter_s) * 1e9)
             delay_s = min(least_s + (look.delay_mean_s - least_s) * delay, most_s)
-            late = self._faults.active("camera_late", TARGET, t_ns)
-            if late is not None and self._faults.strikes("camera_late", TARGET, t_ns):
+            late = self._faults.active("camera_late", self._target, t_ns)
+            if late is not None and self._faults.strikes("camera_late", self._target, t_ns):
                 delay_s += late.value
             if dropped < look.drop:
                 continue
             if (
-                self._faults.strikes("camera_drop", TARGET, t_ns)
-                or self._faults.active("camera_dead", TARGET, t_ns) is not None
+                self._faults.strikes("camera_drop", self._target, t_ns)
+                or self._faults.active("camera_dead", self._target, t_ns) is not None
             ):
                 yield Exposure(index, t_ns, t_ns), True
                 continue
@@ -220,7 +223,7 @@ class SimCamera:
         ]
         t_s = (t_ns - self._wing.epoch_ns) * 1e-9
         lights += [light for false in self._look.false_lights if (light := self._false(false, t_s))]
-        fault = self._faults.active("false_light", TARGET, t_ns)
+        fault = self._faults.active("false_light", self._target, t_ns)
         if fault is not None:
             middle = np.array([[self._camera.c_x_px, self._camera.c_y_px]])
             lights.append(Light(middle, self._look.led_peak * fault.value, 2.0))
@@ -244,7 +247,7 @@ class SimCamera:
     def _gain(self, t_ns: int, t_s: float) -> float:
         waves = np.sin(2 * np.pi * t_s / np.array([3.7, 11.0, 41.0]) + self._flicker)
         gain = 1 + self._look.flicker * float(waves.mean()) * 1.7
-        fault = self._faults.active("illumination", TARGET, t_ns)
+        fault = self._faults.active("illumination", self._target, t_ns)
         return gain if fault is None else gain * fault.value
 
 
