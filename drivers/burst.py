@@ -27,7 +27,7 @@ class BurstLine:
         self.forget()
 
     def forget(self) -> None:
-        """Begin again: the chip was set anew."""
+        """Start over: the chip was configured again."""
         self.last: Words | None = None
         self._slope: NDArray[np.float64] | None = None
         self._last_ns = 0

@@ -57,7 +57,7 @@ def utc_offset_ns(pairs: int = 9) -> int:
 def boot_id() -> str:
     """Return what names this start of this machine: two steady clocks with one id are one clock.
 
-    Empty where the system does not tell.
+    Empty where the system does not report it.
     """
     try:
         return BOOT_ID.read_text(encoding="ascii").strip()

@@ -57,7 +57,7 @@ class ChipFault:
     what : str
         What was found and what was expected.
     needs_reset : bool
-        Whether setting it anew will not do.
+        Whether configuring it again is not enough.
     """
 
     what: str
@@ -179,7 +179,7 @@ class Source(Protocol[T_co]):
 
 @runtime_checkable
 class Reporting(Protocol):
-    """A source that counts what it does and says what happens to it."""
+    """A source that counts what it does and reports what happens to it."""
 
     def health(self) -> dict[str, dict[str, int]]:
         """Return its counters by name of what counts: a pod, a bus, a camera."""

@@ -14,7 +14,7 @@ REPEATS_BEFORE_CHECK: Final = 3
 
 
 class Repeats:
-    """Counts bursts that repeat the one before, and says what follows from it.
+    """Counts bursts that repeat the one before, and reports the fault that follows from it.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Repeats:
         self.forget()
 
     def forget(self) -> None:
-        """Begin again: the chip was set anew."""
+        """Start over: the chip was configured again."""
         self._count = 0
         self.is_doubtful = self._is_verified = False
 

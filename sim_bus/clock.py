@@ -1,4 +1,4 @@
-"""The stepped clock: time moves when told, and whatever lives in simulated time moves with it."""
+"""The stepped clock: time moves on command, and everything in simulated time moves with it."""
 
 from collections.abc import Callable
 
@@ -38,7 +38,7 @@ class SimClock:
         self._listeners.append(listener)
 
     def advance_to(self, t_ns: int) -> None:
-        """Move to ``t_ns`` and tell every listener.
+        """Move to ``t_ns`` and call every listener.
 
         Raises
         ------

@@ -91,7 +91,7 @@ def write_data_set(
     scenario : Scenario
         What happens.
     nominal : Camera
-        The camera as ``wing.yaml`` tells it.
+        The camera as ``wing.yaml`` describes it.
     blemishes : Blemishes
         What is imperfect about the recording.
     seed : int

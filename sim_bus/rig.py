@@ -158,7 +158,7 @@ def open_sim_rig(
     seed : int
         Of every random draw; the same seed gives the same flight.
     realtime : bool
-        Whether the clock is the machine's own; otherwise it moves when told.
+        Whether the clock is the machine's own; otherwise it moves on command.
 
     Raises
     ------

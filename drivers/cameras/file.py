@@ -33,7 +33,7 @@ class VideoFile:
     camera : str
         Name that the frames carry.
     fps : float or None
-        Frame rate, 1/s; None = as the file says.
+        Frame rate, 1/s; None = the file's own.
 
     Raises
     ------

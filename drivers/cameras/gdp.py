@@ -59,7 +59,7 @@ class GdpParser:
 
     @property
     def missing(self) -> int:
-        """How many bytes the packet that has begun still lacks; at least one."""
+        """Number of bytes missing from the packet being received; at least one."""
         wanted = HEADER_BYTES
         if len(self._buffer) >= HEADER_BYTES:
             wanted += struct.unpack_from(">I", self._buffer, 6)[0]

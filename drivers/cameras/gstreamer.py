@@ -2,7 +2,7 @@
 
 A child, because the published OpenCV wheels are built without GStreamer and because a camera
 stack that hangs can be killed. Each buffer's time is its presentation stamp plus the pipeline's
-base time, which the child tells on its error output: both are CLOCK_MONOTONIC.
+base time, which the child reports on its error output: both are CLOCK_MONOTONIC.
 """
 
 import contextlib
@@ -138,7 +138,7 @@ class FrameProcess:
         Raises
         ------
         DeviceNotFoundError
-            If none came; the message holds what GStreamer said.
+            If none came; the message holds GStreamer's own.
         """
         give_up_ns = self._clock.now_ns() + round(timeout_s * 1e9)
         while self._clock.now_ns() < give_up_ns and self._child is not None:
@@ -146,7 +146,7 @@ class FrameProcess:
             if frame is not None:
                 self._newest.put(frame)
                 return
-        msg = f"{self.name}: no frame from GStreamer: {self._complaint or 'it says nothing'}"
+        msg = f"{self.name}: no frame from GStreamer: {self._complaint or 'it printed no reason'}"
         raise DeviceNotFoundError(msg)
 
     def read(self, timeout_s: float) -> Frame | None:
@@ -243,7 +243,7 @@ class FrameProcess:
         return len(data)
 
     def _listen(self) -> None:
-        """Read what the child says: its base time and its complaints."""
+        """Read the child's error output: its base time and its error messages."""
         with contextlib.suppress(BlockingIOError):
             self._said = (self._said + os.read(self._err, 1 << 16))[-(1 << 16) :]
         for match in _BASE_TIME.finditer(self._said):

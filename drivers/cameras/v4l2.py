@@ -24,7 +24,7 @@ from drivers.samples import Frame
 
 DEAD_NS: Final = 2_000_000_000
 RETRY_S: Final = 0.5
-# OpenCV waits ten seconds for a silent camera. Later than DEAD_NS, so that silence is told as such.
+# OpenCV waits ten seconds for a silent camera. Later than DEAD_NS: silence is reported as such.
 READ_TIMEOUT_S: Final = 3
 # A stamp that far from now is no CLOCK_MONOTONIC of this machine.
 OLDEST_NS, NEWEST_NS = 1_000_000_000, 100_000_000
@@ -134,7 +134,7 @@ class V4l2Camera:
     def _open(self) -> cv2.VideoCapture:
         # OpenCV asks once in a process, at the first read.
         os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", str(READ_TIMEOUT_S))
-        # OpenCV complains on the error output about a node that is not there.
+        # OpenCV prints a warning about a node that is not there.
         capture = cv2.VideoCapture()
         if not Path(self._device).exists() or not capture.open(self._device, cv2.CAP_V4L2):
             msg = (

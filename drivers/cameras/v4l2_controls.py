@@ -13,7 +13,7 @@ _CONTROL: Final = struct.Struct("=Ii")
 
 
 def turn_off_automatic_gain(device: str) -> bool:
-    """Let a device keep the gain that it is told; returns whether it had such a control.
+    """Let a device keep the gain that is set; returns whether it had such a control.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ class FrameWatch:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew after the source was opened again; frame numbers go on."""
+        """Restart after the source was opened again; frame numbers continue."""
         self._since_start = 0
         self._still_since_ns: int | None = None
         self._print: int | None = None
@@ -70,7 +70,7 @@ class FrameWatch:
         return self._still_since_ns is not None and t_ns - self._still_since_ns > self._frozen_ns
 
     def expect_still_pictures(self) -> None:
-        """Wait twice as long before the next verdict: a restart did not help."""
+        """Wait twice as long before the next restart: this one did not help."""
         self._frozen_ns *= 2
 
     def _watch_stillness(self, t_ns: int, *, is_repeat: bool) -> None:

@@ -1,4 +1,4 @@
-"""What a controller's error frames say, counted by class and told the first time."""
+"""Counts a controller's CAN error frames by class; reports each class once."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -22,9 +22,9 @@ ERROR_NAMES: Final = (
 
 
 class ErrorFrames:
-    """Counts error frames as ``error_<class>``, and tells of each class once.
+    """Counts error frames as ``error_<class>``, and reports each class once.
 
-    Going off the bus and coming back are told each time. A frame without a class, which some
+    Going off the bus and coming back are reported each time. A frame without a class, which some
     adapters give, is ``error_unnamed``.
 
     Parameters

@@ -34,7 +34,7 @@ from drivers.events import Event, EventList
 from drivers.samples import ImuSample
 
 SILENT_NS = 1_000_000_000
-# Frames heard between two looks at the clock, which is slow on some machines.
+# Frames taken between two readings of the clock, which is slow on some machines.
 AT_ONCE = 64
 # A bus full of other traffic does not hold the caller longer than this.
 FLOODED_NS = 50_000_000
@@ -64,7 +64,7 @@ class CanImus:
 
     Notes
     -----
-    A lost bus, a silent pod or a hostile frame is counted and told once, never raised.
+    A lost bus, a silent pod or a hostile frame is counted and reported once, never raised.
     """
 
     def __init__(
@@ -121,9 +121,9 @@ class CanImus:
             else:
                 self._clock.sleep_until_ns(self._clock.now_ns() + 1_000_000)
         silent = {n: s for n, s in self._stations.items() if not s.counters["samples"]}
-        told = "; ".join(f"{s.name}: {self._complaint(n, s)}" for n, s in silent.items())
+        reasons = "; ".join(f"{s.name}: {self._complaint(n, s)}" for n, s in silent.items())
         msg = (
-            f"{told} within {timeout_s} s on {self._port.name}; check the pod's supply and "
+            f"{reasons} within {timeout_s} s on {self._port.name}; check the pod's supply and "
             "number, the bit rate and the termination"
         )
         raise DeviceNotFoundError(msg)
@@ -284,7 +284,7 @@ class CanImus:
             self._events.add(t_ns, self._stations[node].name, "info", "samples again")
 
     def _watch(self, now_ns: int) -> None:
-        """Tell once about a pod that fell silent."""
+        """Report once that a pod fell silent."""
         for node, heard_ns in self._heard_ns.items():
             if now_ns - heard_ns > SILENT_NS and node not in self._silent:
                 self._silent.add(node)

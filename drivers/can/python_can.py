@@ -33,7 +33,7 @@ class PythonCanPort:
     name : str
         What messages call it.
     reopen : callable, optional
-        Makes the bus anew after it has failed for a second: an adapter was unplugged.
+        Opens the bus again after it has failed for a second: an adapter was unplugged.
     identifiers : tuple of (identifier, mask)
         Standard frames to let through; empty = all. Error frames always pass.
 
@@ -159,7 +159,7 @@ class PythonCanPort:
                 flush()
 
     def _is_usable(self, timeout_s: float) -> bool:
-        """Make a bus that keeps failing anew."""
+        """Open a bus again that keeps failing."""
         now_ns = self._clock.now_ns()
         if self._reopen is None or not self._is_failing:
             return self._bus is not None
@@ -195,7 +195,7 @@ class PythonCanPort:
 
 
 def _check_length(message: can.Message) -> None:
-    """Raise ValueError for a data frame that is not as long as it says."""
+    """Raise ValueError for a data frame whose length is not the one it declares."""
     if message.is_remote_frame or message.is_error_frame or len(message.data) == message.dlc:
         return
     msg = f"frame 0x{message.arbitration_id:X} holds {len(message.data)} bytes of {message.dlc}"
@@ -229,7 +229,7 @@ def open_can(
     Raises
     ------
     DeviceNotFoundError
-        If it cannot be opened; the message says what to do.
+        If it cannot be opened; the message names the remedy.
     """
     name = f"can {channel}"
     if interface == "socketcan":

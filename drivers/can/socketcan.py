@@ -215,7 +215,7 @@ class SocketCanPort:
             self._drop_socket()
             self._retry_ns = self._clock.now_ns() + RETRY_NS
         elif error.errno == errno.ENETDOWN and self._has_vanished():
-            # A deleted interface also says ENETDOWN once, and nothing ever after.
+            # A deleted interface also gives ENETDOWN once, and nothing after that.
             self._drop_socket()
 
     def _has_vanished(self) -> bool:
@@ -231,7 +231,7 @@ class SocketCanPort:
         return bool(flags & 1)
 
     def _heard(self, frame: CanFrame) -> None:
-        """Tell the return; frames that were queued before the trouble, or tell of it, are none."""
+        """Report the return, unless the frame was queued before the fault or describes it."""
         is_news = frame.t_ns > self._trouble_ns and not frame.is_error
         if self._is_down and is_news and self._is_link_up():
             self._is_down = False

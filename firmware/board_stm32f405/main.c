@@ -111,7 +111,7 @@ int main(void) {
     clock_start(&clocks);
     ticks_start(&clocks);
     identity_read(&boot, &clocks);
-    /* A pod without a number speaks as the last one (pod_identity.c). */
+    /* A pod without a number uses the last one (pod_identity.c). */
     start_links(&hal, boot.node < POD_NODES ? boot.node : POD_NODES - 1U);
     watchdog_start();
     pod_init(&pod, &hal, &boot);

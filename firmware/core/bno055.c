@@ -133,7 +133,7 @@ bool bno055_check_mode(bno055_t *const imu) {
     return imu->state == BNO055_STATE_RUNNING;
 }
 
-/* Reads mode, error, temperature and calibration; false if the chip must be brought up anew. */
+/* Reads mode, error, temperature and calibration; false if the chip must be brought up again. */
 static bool watch(bno055_t *const imu, const uint64_t now_us) {
     uint8_t bytes[WATCH_BYTES] = {0};
     imu->watch_us = now_us + BNO055_WATCH_US;

@@ -16,7 +16,7 @@
 /* A chip that does not answer is asked again after this long. */
 #define BNO055_RETRY_US 100000U
 #define BNO055_WATCH_US 1000000U
-/* Failed accesses in a row before the bus is freed, and before the chip is brought up anew. */
+/* Failed accesses in a row before the bus is freed, and before the chip is brought up again. */
 #define BNO055_FAILURES_RECOVER 3U
 #define BNO055_FAILURES_RESTART 10U
 /* A step between samples that is a misread top bit rather than a wing: half of full scale. */

@@ -55,7 +55,7 @@ static bool is_equal(const int16_t *const a, const int16_t *const b) {
     return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
 }
 
-/* A jump is believed only if a second reading shows it too. */
+/* A jump is used only if a second reading confirms it. */
 static bool screen(bno055_t *const imu, const bool all_sensors, bno055_sample_t *const sample) {
     if (!imu->has_last || is_near(sample->rate, imu->last_rate)) {
         return true;

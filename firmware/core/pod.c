@@ -1,4 +1,4 @@
-/* The pod's one loop body: hear, measure, report, speak. */
+/* The pod's one loop body: receive, measure, report, send. */
 #include "pod.h"
 
 #include "pod_parts.h"

@@ -110,7 +110,7 @@ static result_t apply(pod_t *const pod, const uint8_t key, const uint32_t value,
     }
 }
 
-/* A refused pod can be told its number, asked who it is, and reset; nothing else. */
+/* A refused pod accepts a new number, a request for its identity, and a reset; nothing else. */
 static bool is_allowed(const pod_t *const pod, const uint8_t key) {
     return pod->refusal == POD_REFUSAL_NONE || key == KEY_RESET || key == KEY_IDENTIFY ||
            (key == KEY_NODE && pod->refusal == POD_REFUSAL_NO_NODE);

@@ -68,7 +68,7 @@ static bool other_goes_first(pod_t *const pod, const struct pod_dbc_identity_t *
 }
 
 /* Whether this part of an announcement is a running pod's. Part 0 says so for those that follow;
- * while a refused pod announces, no part is believed, since whose it is cannot be told. */
+ * while a refused pod announces, no part is used, since its sender is not known. */
 static bool is_claim(pod_identity_t *const own, const struct pod_dbc_identity_t *const identity,
                      const uint64_t now_us) {
     if (identity->part == 0U && identity->refusal != POD_DBC_IDENTITY_REFUSAL_NONE_CHOICE) {
@@ -79,7 +79,7 @@ static bool is_claim(pod_identity_t *const own, const struct pod_dbc_identity_t 
     return now_us >= own->refused_until_us && now_us < own->claim_until_us;
 }
 
-/* What refused pods send too says nothing, unless it says that its sender runs. */
+/* Frames that refused pods send too are no evidence, unless they say that the sender runs. */
 static bool is_of_running(const pod_frame_t *const frame, const uint32_t base_id) {
     struct pod_dbc_status_t status;
     if (base_id == POD_DBC_STATUS_FRAME_ID) {

@@ -1,4 +1,4 @@
-/* What the pod says of itself: status once a second, one page of counters every 200 ms, identity
+/* What the pod reports: status once a second, one page of counters every 200 ms, identity
  * at start and every ten seconds. */
 #include "../gen/pod_dbc.h"
 #include "pod_parts.h"

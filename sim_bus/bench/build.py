@@ -46,7 +46,7 @@ def open_bench(config: Config, scenario: Scenario, options: BenchOptions) -> Ben
     ConfigError
         If a pod has no place on what is offered.
     DeviceNotFoundError
-        If an interface cannot be opened; the message says what it needs.
+        If an interface cannot be opened; the message names what it needs.
     """
     seed = options.seed
     places = place_pods(config, options.offer)

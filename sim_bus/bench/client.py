@@ -19,7 +19,7 @@ class RefusedError(DriverError):
 
 
 def default_socket() -> Path:
-    """Return the control socket that every command uses unless told otherwise."""
+    """Return the control socket that every command uses by default."""
     base = os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()
     folder = Path(base) / f"avionics-rig-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)

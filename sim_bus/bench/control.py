@@ -23,7 +23,7 @@ class BenchControl:
     stop : threading.Event
         Set by the command ``stop``.
     say : callable
-        Told about every change, in words, for the truth log.
+        Called with a description of every change, for the truth log.
     """
 
     def __init__(self, bench: Bench, stop: threading.Event, say: Callable[[str], None]) -> None:

@@ -1,6 +1,6 @@
 """A genuine /dev/i2c-N served from Python through CUSE, without libfuse.
 
-Any program that speaks to i2c-dev (smbus2, i2cdetect -y, i2cget, i2ctransfer) reaches a simulated
+Any program that uses i2c-dev (smbus2, i2cdetect -y, i2cget, i2ctransfer) reaches a simulated
 bus. Needs /dev/cuse and the right to open it: root, or the guest of ``sim_bus.guests.uml``.
 """
 

@@ -20,7 +20,7 @@ AT_ONCE: Final = frozenset({"brown_out", "config_reset", "page_left"})
 
 
 def effective_faults(bench: Bench) -> dict[str, tuple[str, ...]]:
-    """Return which kinds of fault truly take effect, by target."""
+    """Return which kinds of fault have an effect, by target."""
     kinds: dict[str, tuple[str, ...]] = {}
     for pod in bench.config.pods:
         if pod.name in bench.chips:

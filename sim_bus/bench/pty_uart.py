@@ -26,7 +26,7 @@ class PtyUart:
     clock : Clock
         That clock.
     device : str, optional
-        A real serial port to speak on; without one a pty is made.
+        A real serial port to serve; without one a pty is made.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ class Tap:
         self._station = station
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Return the next message that was heard; never waits."""
+        """Return the next message received; never waits."""
         return self.inbox.popleft() if self.inbox else None
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:

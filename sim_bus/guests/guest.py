@@ -92,7 +92,7 @@ def find_tool(name: str) -> str | None:
 
 
 def kernel_words(kind: str, out: Path) -> tuple[str, ...]:
-    """Return the words of the kernel's command line that its first process is told by."""
+    """Return the words of the kernel's command line that configure its first process."""
     return (f"{_KIND}{kind}", f"RIG_OUT={out}")
 
 

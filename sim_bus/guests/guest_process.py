@@ -1,4 +1,4 @@
-"""A guest's process on the host: it ends when its parent is told to end, and never outlives it."""
+"""A guest's process on the host: it ends with its parent, also when that is stopped or killed."""
 
 import contextlib
 import ctypes

@@ -23,7 +23,7 @@ BOOT_MODULES = ("virtio_pci", "9pnet_virtio", "9p", "overlay")
 
 
 class KernelError(Exception):
-    """The kernel of the virtual machine cannot be had; the message says why."""
+    """The kernel of the virtual machine is not available; the message gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Kernel:
     root : Path
         Folder into which it was unpacked.
     version : str
-        What ``uname -r`` says in it.
+        What ``uname -r`` prints in it.
     """
 
     root: Path

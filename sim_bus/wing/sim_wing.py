@@ -1,4 +1,4 @@
-"""The simulated wing in flight: the truth at any time, marched ahead as it is asked for."""
+"""The simulated wing in flight: the truth at any time, integrated ahead as it is asked for."""
 
 import threading
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from avionics.config import Marker
 from avionics.records import Truth
 from sim_bus.wing.beam import Beam, BeamError
-from sim_bus.wing.rod_march import march
+from sim_bus.wing.rod_integration import integrate
 from sim_bus.wing.rod_shape import along, between
 from sim_bus.wing.root_motion import RootMotion
 
@@ -126,14 +126,14 @@ class SimWing:
         signs = (self._spins, self._spins, self._sides, self._sides)
         return np.asarray(self._root.drive(t_s) * np.concatenate(signs))
 
-    def _march(self) -> None:
+    def _integrate(self) -> None:
         """Compute the next block; row k of block b is the state at (b rows + k) steps."""
         table = self._table(self._end * self._rows, self._rows + 1)
         history = np.empty((3, self._rows + 1, *self._rest.shape[1:]))
         history[:, 0] = self._state
         strains, speeds, accels = (np.empty_like(history[0, 1:]) for _ in range(3))
         stiffness = self.beam.element_stiffness
-        done = march(
+        done = integrate(
             self._state, table, self._step_s, SPECTRAL_RADIUS, self.beam.root, self.beam.length_m,
             self.beam.body, self.beam.air, stiffness, self.beam.damping_s * stiffness,
             self.beam.unstrained, strains, speeds, accels,
@@ -153,12 +153,12 @@ class SimWing:
         """Return the states of one block of ``BLOCK_S``; a negative number is rest."""
         if number < 0:
             return self._at_rest
-        # In a live run several threads ask; what is there never changes, and waits for no march.
+        # In a live run several threads ask; what is there never changes, and needs no integration.
         found = self._blocks.get(number)
         if found is None:
             with self._lock:
                 while self._end <= number:
-                    self._march()
+                    self._integrate()
                 found = self._blocks.get(number)
         if found is None:
             msg = f"wing {self.name}: {number * BLOCK_S:.1f} s is forgotten; ask in order of time"

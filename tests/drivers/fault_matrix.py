@@ -94,7 +94,7 @@ CASES = (
     Case("can", "config_reset", 0.001, "reported_reinit", 1.0, RESET),
     Case("can", "page_left", 0.001, "reported_reinit", 1.5, "seen by the check", wrong_s=0.06),
     Case("can", "freeze", 1.0, "reported_frozen", 1.2, "pod resets its chip", wrong_s=0.06),
-    Case("can", "pod_silent", 1.5, "silences", 1.2, "told once, taken up on return, set anew"),
+    Case("can", "pod_silent", 1.5, "silences", 1.2, "reported once, configured again on return"),
     Case("can", "frame_drop", 1.0, "samples_lost", 0.1, "counted by the sequence number", 0.1),
     Case("can", "frame_duplicate", 1.0, "duplicates", 0.1, "dropped by the sequence number"),
     Case("can", "bus_off", 0.5, "samples_lost", 1.5, "pod rejoins after its wait"),

@@ -40,10 +40,12 @@ class KernelCase:
 
 
 CASES = (
-    KernelCase("link_down", 0.5, "returned", 1.5, "told once; heard again when it is up"),
-    KernelCase("link_deleted", 0.5, "reopened", 1.5, "told once; opened anew when it is back"),
+    KernelCase("link_down", 0.5, "returned", 1.5, "reported once; received again when it is up"),
+    KernelCase("link_deleted", 0.5, "reopened", 1.5, "reported once; opened again when it is back"),
     KernelCase("reader_stalled", 1.0, "rx_dropped", 0.6, "every frame the kernel dropped counted"),
-    KernelCase("bus_off_frame", 0.1, "error_bus_off", 0.3, "told and counted; the frames go on"),
+    KernelCase(
+        "bus_off_frame", 0.1, "error_bus_off", 0.3, "reported and counted; the frames go on"
+    ),
     KernelCase("foreign_bus_busy", 1.0, "foreign_on_bus", 0.3, "kept out by the kernel's filters"),
     KernelCase("queue_full", 1.0, "send_queue_full", 0.5, "counted; the next sync goes out"),
 )

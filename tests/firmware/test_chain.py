@@ -70,7 +70,7 @@ class Flight:
         wing = make_wing(
             config, scenario, rng=np.random.default_rng(0), epoch_ns=clock.now_ns(), keep_s=200.0
         )
-        # Marched ahead, so that the chip's thread never waits for the beam.
+        # Integrated ahead, so that the chip's thread never waits for the beam.
         wing.truth(clock.now_ns() + round((BOOT_S + DURATION_S) * 1e9))
         self.wing: SimWing = wing
         self._chip = ChipOnPty(PodMotion(wing, config.pods[0]), seed=3)

@@ -11,7 +11,7 @@ ATTEMPTS = 8
 
 
 class PodConfigurator:
-    """Asks one pod for a list of settings; starts anew when the pod restarts.
+    """Asks one pod for a list of settings; starts again when the pod restarts.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ class PodConfigurator:
     wanted : mapping of ConfigKey to int
         Settings, sent in this order.
     events : EventList
-        Where refusals are told.
+        Takes the refusals as events.
     """
 
     def __init__(

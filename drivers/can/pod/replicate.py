@@ -32,7 +32,7 @@ def node_zero_text(text: str) -> str:
 
 
 def replicate(text: str) -> str:
-    """Return ``text`` with the messages of pods 1 to 15 made anew from those of pod 0."""
+    """Return ``text`` with the messages of pods 1 to 15 copied from those of pod 0."""
     own = {int(m[1]): m for m in _MESSAGE.finditer(text) if m[2].startswith("Pod00_")}
     other = {int(m[1]) for m in _MESSAGE.finditer(text) if re.match(r"Pod(?!00_)\d\d_", m[2])}
     for pattern in (_MESSAGE, _VALUES, _COMMENT):

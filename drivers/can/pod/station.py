@@ -41,7 +41,7 @@ class PodStation:
     pod : str
         Identifier that the samples carry.
     events : EventList
-        Where what happens to the pod is told.
+        Takes the events of the pod.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class PodStation:
         )
 
     def on_status(self, status: Status, t_ns: int) -> None:
-        """Take the pod's state; tells about changes and restarts."""
+        """Take the pod's state; reports changes and restarts."""
         name = STATE_NAMES[status.state] if status.state < len(STATE_NAMES) else "unknown"
         if name != self.state:
             level: Level = "info" if name in ("starting", "running") else "warning"
@@ -142,7 +142,7 @@ class PodStation:
         self.reported.update(zip(COUNTER_NAMES[counters.page], counters.values, strict=True))
 
     def on_identity(self, identity: Identity, t_ns: int) -> None:
-        """Take one part of the identity; tells about refusals, versions and duplicates."""
+        """Take one part of the identity; reports refusals, versions and duplicates."""
         if identity.part == 0:
             self._on_versions(identity.payload, t_ns)
             return
@@ -203,7 +203,7 @@ class PodStation:
         # Whole turns of the eight bits show in the time alone.
         step += 256 * max(0, round((elapsed - step) / 256))
         if step > 3 and abs(step - elapsed) > 3 + 0.1 * elapsed:
-            # The pod restarted, or its rate changed: only the time says what is missing.
+            # The pod restarted, or its rate changed: only the time shows what is missing.
             self.counters["seq_jumps"] += 1
             step = max(1, round(elapsed))
         elif step == 1 and 0 < elapsed < 20:

@@ -1,6 +1,6 @@
 """Pod time: offset and drift of every pod's clock against the steady clock of this machine.
 
-The master sends ``Sync``, learns when it left, and tells so in ``FollowUp`` (for the pods' own
+The master sends ``Sync``, learns when it left, and sends that in ``FollowUp`` (for the pods' own
 synchronised time). A pod answers ``SyncReply`` with its clock at the reception. From these pairs
 ``PodClock`` maps pod stamps to steady time; until the first pair it goes by the earliest arrivals.
 """
@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 WINDOW = 40
-# Below this, arrival scatter tells nothing of the clock; outliers are cut above it.
+# Below this, arrival scatter says nothing about the clock; outliers are cut above it.
 MIN_SPREAD_NS = 20_000.0
 MAX_DRIFT = 500e-6
 EARLY = 0.1
 RESTART_NS = 50_000_000
-# A stamp further than this before its frame's arrival, or after it, is not believed.
+# A stamp further than this before its frame's arrival, or after it, is not used.
 OLDEST_NS, NEWEST_NS = 2_000_000_000, 20_000_000
 
 
@@ -75,7 +75,7 @@ class PodClock:
         t_local_us : int
             The pod's clock, modulo 2^24 us.
         arrival_ns : int
-            When the frame arrived; decides the rollover and whether the stamp is believed.
+            When the frame arrived; decides the rollover and whether the stamp is used.
         """
         if not self._is_anchored:
             self._anchor(t_local_us, arrival_ns)

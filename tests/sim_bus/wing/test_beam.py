@@ -7,7 +7,7 @@ from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from sim_bus.wing.beam import Beam, BeamError
 from sim_bus.wing.rod_dynamics import imbalance
-from sim_bus.wing.rod_march import march
+from sim_bus.wing.rod_integration import integrate
 from sim_bus.wing.rod_mass import factor, mass_matrix, solve
 from sim_bus.wing.uniform_beam import uniform_beam
 
@@ -173,7 +173,7 @@ def test_free_swing_keeps_its_energy() -> None:
     strains, speeds, accels = (np.empty((steps, 8, 4)) for _ in range(3))
     table = np.repeat(b.drive()[None], steps + 1, axis=0)
     stiffness = b.element_stiffness
-    done = march(
+    done = integrate(
         state, table, step_s, 1.0, b.root, b.length_m, b.body, b.air, stiffness, 0 * stiffness,
         b.unstrained, strains, speeds, accels,
     )  # fmt: skip
@@ -192,14 +192,14 @@ def test_free_swing_keeps_its_energy() -> None:
     assert np.mean(later[-20:]) == pytest.approx(np.mean(later[:20]), rel=3e-3)
 
 
-def test_compiled_march_equals_the_plain_function() -> None:
+def test_compiled_integration_equals_the_plain_function() -> None:
     b = beam(4, damping_s=1e-3)
     rest = b.static(b.drive())
     state = np.stack([rest, np.zeros_like(rest), np.zeros_like(rest)])
     table = np.repeat(b.drive(tip_force_n=(0.3, 0.0, 2.0))[None], 11, axis=0)
     stiffness = b.element_stiffness
     results = []
-    for function in (march, march.py_func):
+    for function in (integrate, integrate.py_func):
         out = [np.zeros((10, 4, 4)) for _ in range(3)]
         done = function(
             state, table, 2e-3, 0.8, b.root, b.length_m, b.body, b.air, stiffness,

@@ -185,18 +185,18 @@ def test_long_past_is_refused_not_invented(config: Config) -> None:
         wing.truth(int(1e9))
 
 
-def test_known_times_are_answered_while_another_thread_marches(config: Config, monkeypatch) -> None:
+def test_known_times_are_answered_while_another_thread_integrates(config, monkeypatch) -> None:
     wing = flying(config, "default")
     known = wing.truth(int(1e9))
     marching, may_end = threading.Event(), threading.Event()
 
-    def march() -> None:
+    def integrate() -> None:
         marching.set()
         assert may_end.wait(10.0)
-        real_march()
+        real_integrate()
 
-    real_march = wing._march
-    monkeypatch.setattr(wing, "_march", march)
+    real_integrate = wing._integrate
+    monkeypatch.setattr(wing, "_integrate", integrate)
     with ThreadPoolExecutor(2) as threads:
         ahead = threads.submit(wing.truth, int(2e9))
         assert marching.wait(10.0)

@@ -15,7 +15,7 @@ REFRESH_STEPS = 25
 
 
 @compiled
-def march(  # noqa: PLR0912, PLR0917 - compiled: positional arrays, one loop over time
+def integrate(  # noqa: PLR0912, PLR0917 - compiled: positional arrays, one loop over time
     state: FloatArray,
     table: FloatArray,
     step_s: float,
