@@ -48,6 +48,18 @@ class SerialPort(Protocol):
         ...
 
 
+class SpiDevice(Protocol):
+    """The subset of ``spidev.SpiDev`` that the drivers use: one chip select of an SPI bus."""
+
+    def xfer2(self, values: Sequence[int]) -> Sequence[int]:
+        """Send bytes with the chip selected throughout; return what came meanwhile."""
+        ...
+
+    def close(self) -> None:
+        """Release the device."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class ChipFault:
     """Why a chip has to be brought up again.

@@ -1,4 +1,4 @@
-"""I2C nodes and serial ports that come back: an adapter pulled out and put in again.
+"""I2C and SPI nodes and serial ports that come back: an adapter pulled out and put in again.
 
 An open file of a node that vanished stays dead for good, so it is closed and the node is opened
 anew with the next transfer, until that works.
@@ -8,7 +8,7 @@ import errno
 from collections.abc import Callable, Sequence
 from typing import Final, Generic, Protocol, TypeVar
 
-from drivers.interfaces import I2cBus, SerialPort
+from drivers.interfaces import I2cBus, SerialPort, SpiDevice
 
 NODE_GONE: Final = frozenset(
     [errno.ENOTCONN, errno.ENODEV, errno.ESHUTDOWN, errno.EBADF, errno.ENOENT]
@@ -74,6 +74,19 @@ class ReopeningI2cBus(Reopening[I2cBus]):
     def _transfer(self, do: Callable[[I2cBus], R]) -> R:
         try:
             return do(self._open())
+        except OSError as error:
+            if error.errno in NODE_GONE:
+                self.close()
+            raise
+
+
+class ReopeningSpi(Reopening[SpiDevice]):
+    """A ``SpiDevice`` whose node may vanish and return."""
+
+    def xfer2(self, values: Sequence[int]) -> Sequence[int]:
+        """Send bytes with the chip selected throughout; return what came meanwhile."""
+        try:
+            return self._open().xfer2(values)
         except OSError as error:
             if error.errno in NODE_GONE:
                 self.close()

@@ -14,16 +14,17 @@ from sim_bus.chip.sim_chip import SimChip
 
 ChipFault = Literal["brown_out", "config_reset", "page_left", "freeze", "zero"]
 I2cFault = Literal["nak", "stuck_bus", "io_error", "arbitration_lost", "spike", "wrong_chip"]
+SpiFault = Literal["spi_low", "spi_high"]
 UartFault = Literal["uart_overrun", "uart_silence", "uart_garbage", "uart_late", "uart_truncate"]
 CanFault = Literal["pod_silent", "frame_drop", "frame_duplicate", "bus_off"]
 CameraFault = Literal[
     "camera_drop", "camera_late", "camera_freeze", "camera_dead",
     "marker_hidden", "false_light", "illumination",
 ]  # fmt: skip
-Kind = ChipFault | I2cFault | UartFault | CanFault | CameraFault
+Kind = ChipFault | I2cFault | SpiFault | UartFault | CanFault | CameraFault
 KINDS: tuple[str, ...] = tuple(
     kind
-    for group in (ChipFault, I2cFault, UartFault, CanFault, CameraFault)
+    for group in (ChipFault, I2cFault, SpiFault, UartFault, CanFault, CameraFault)
     for kind in get_args(group)
 )
 
