@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 from rich.table import Table
-from scipy.stats import chi2
 
+from avionics.analysis.bounds import mean_square_bounds
 from avionics.analysis.history import (
     EstimateHistory,
     LogHistory,
@@ -292,7 +292,7 @@ def _bounds(degrees: int) -> list[float] | None:
     """Return the 95 % bounds of a mean of squares of ``degrees`` independent unit normals."""
     if degrees <= 0:
         return None
-    return [float(chi2.ppf(p, degrees) / degrees) for p in (0.025, 0.975)]
+    return [float(bound) for bound in mean_square_bounds(degrees)]
 
 
 def _number(value: Any) -> float | None:

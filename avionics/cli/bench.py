@@ -81,26 +81,31 @@ def serve(
     """
     from avionics.cli.configuration import given_or_packaged  # noqa: PLC0415 (start-up)
     from avionics.config import one_wing  # noqa: PLC0415
-    from sim_bus.bench.bench import BenchOptions  # noqa: PLC0415
-    from sim_bus.bench.build import open_bench  # noqa: PLC0415
-    from sim_bus.bench.client import default_socket  # noqa: PLC0415
-    from sim_bus.bench.control import BenchControl, ControlServer  # noqa: PLC0415
-    from sim_bus.bench.places import Offer  # noqa: PLC0415
-    from sim_bus.bench.truth_log import TruthLog  # noqa: PLC0415
-    from sim_bus.wing.scenario import load_scenario  # noqa: PLC0415
 
     config = one_wing(given_or_packaged(config_path, tuple(overrides or ())), "rig serve")
-    flown = load_scenario(scenario)
-    truth = claim(output or Path(f"truth-{Path(scenario).stem}-{seed}.mcap"), force=force)
-    if write_config is not None:
-        claim(write_config, force=force)
     if camera_device and camera in {None, "pipe"}:
         msg = "--camera-device: is the place of --camera v4l2 or --camera window; give one of them"
         raise AvionicsError(msg)
+    simulated = None if pods is None else numbers(pods)
+    truth = claim(output or Path(f"truth-{Path(scenario).stem}-{seed}.mcap"), force=force)
+    if write_config is not None:
+        claim(write_config, force=force)
+
+    from sim_bus.bench.client import default_socket  # noqa: PLC0415 (after what may be refused)
+    from sim_bus.wing.scenario import load_scenario  # noqa: PLC0415
+
+    flown = load_scenario(scenario)
+
+    from sim_bus.bench.bench import BenchOptions  # noqa: PLC0415
+    from sim_bus.bench.build import open_bench  # noqa: PLC0415
+    from sim_bus.bench.control import BenchControl, ControlServer  # noqa: PLC0415
+    from sim_bus.bench.places import Offer  # noqa: PLC0415
+    from sim_bus.bench.truth_log import TruthLog  # noqa: PLC0415
+
     socket = control or default_socket()
     offer = Offer(
         can=can, interface=interface, bitrate=bitrate, i2c_dev=i2c_dev, uart=uart,
-        uart_devices=tuple(uart_device or ()), pods=None if pods is None else numbers(pods),
+        uart_devices=tuple(uart_device or ()), pods=simulated,
     )  # fmt: skip
     options = BenchOptions(
         offer=offer, camera=camera, camera_device=camera_device, folder=socket.parent, seed=seed

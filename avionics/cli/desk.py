@@ -1,6 +1,7 @@
 """Commands at the desk: import, replay, evaluate, export, report, info, recover.
 
-What a command needs is imported when it runs: the mathematics alone take a second to load.
+What a command needs is imported when it runs, after its arguments and its configuration are
+accepted.
 """
 
 import json
@@ -72,17 +73,22 @@ def replay(
 
     Example: avionics replay sweep.mcap --set estimator.form=paper -o paper.mcap
     """
-    from avionics.analysis.replay import replay as replay_log  # noqa: PLC0415
-    from avionics.config import one_wing  # noqa: PLC0415
-    from avionics.config.load import load_config  # noqa: PLC0415
-
     read_log_path(log)
     claim(output, force=force)
+    given = None
+    if config is not None:
+        from avionics.config import one_wing  # noqa: PLC0415
+        from avionics.config.load import load_config  # noqa: PLC0415
+
+        given = one_wing(load_config(config), "replay")
+
+    from avionics.analysis.replay import replay as replay_log  # noqa: PLC0415
+
     with progress_bar("replaying", None) as progress:
         replay_log(
             log,
             output,
-            config=None if config is None else one_wing(load_config(config), "replay"),
+            config=given,
             overrides=tuple(overrides or ()),
             tracker=tracker,
             retrack=retrack or tracker is not None,

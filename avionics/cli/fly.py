@@ -1,6 +1,7 @@
 """Commands that fly: `run` on hardware, `sim` on the simulated wing, `doctor` before either.
 
-What a command needs is imported when it runs: the mathematics alone take a second to load.
+What a command needs is imported when it runs, and only after the configuration and the output are
+accepted: a mistake is answered at once.
 """
 
 from datetime import datetime, timezone
@@ -43,13 +44,15 @@ def run(
     """
     from avionics.config import one_wing  # noqa: PLC0415 (start-up)
     from avionics.config.load import load_config  # noqa: PLC0415 (start-up)
-    from avionics.flight.assemble import open_rig  # noqa: PLC0415 (bus libraries only where needed)
-    from avionics.flight.runner import run_live  # noqa: PLC0415 (start-up)
-    from avionics.recording import Recorder  # noqa: PLC0415 (start-up)
 
     config = one_wing(load_config(config_path, tuple(overrides or ())), "run")
     stamp = datetime.now(tz=timezone.utc).strftime("%Y%m%d-%H%M%SZ")
     path = claim(output or Path(f"flight-{stamp}.mcap"), force=force)
+
+    from avionics.flight.assemble import open_rig  # noqa: PLC0415 (after what may be refused)
+    from avionics.flight.runner import run_live  # noqa: PLC0415
+    from avionics.recording import Recorder  # noqa: PLC0415
+
     clock = SteadyClock()
     with open_rig(config, clock) as rig:
         print(f"flying {config.wing.name} wing: {path} (Ctrl-C ends the flight)", flush=True)
@@ -94,18 +97,22 @@ def sim(
 
     Example: avionics sim --scenario oblique --duration 30 --seed 1 -o sim.mcap
     """
-    from avionics.analysis.evaluate import SETTLE_S  # noqa: PLC0415 (start-up)
     from avionics.cli.configuration import given_or_packaged  # noqa: PLC0415 (start-up)
     from avionics.config import one_wing  # noqa: PLC0415 (start-up)
-    from avionics.flight.runner import run_live, run_lockstep  # noqa: PLC0415 (start-up)
-    from avionics.recording import LogWriter, Recorder  # noqa: PLC0415 (start-up)
-    from sim_bus.rig import open_sim_rig  # noqa: PLC0415 (the simulator flies nowhere else)
-    from sim_bus.wing.scenario import load_scenario  # noqa: PLC0415
 
     config = one_wing(given_or_packaged(config_path, tuple(overrides or ())), "sim")
+    path = claim(output or Path(f"sim-{Path(scenario).stem}-{seed}.mcap"), force=force)
+
+    from sim_bus.wing.scenario import load_scenario  # noqa: PLC0415 (after what may be refused)
+
     flown = load_scenario(scenario)
     length_s = duration if duration is not None else flown.duration_s
-    path = claim(output or Path(f"sim-{Path(scenario).stem}-{seed}.mcap"), force=force)
+
+    from avionics.analysis.evaluate import SETTLE_S  # noqa: PLC0415
+    from avionics.flight.runner import run_live, run_lockstep  # noqa: PLC0415
+    from avionics.recording import LogWriter, Recorder  # noqa: PLC0415
+    from sim_bus.rig import open_sim_rig  # noqa: PLC0415
+
     metadata = {"command": "sim", "scenario": flown.name, "seed": str(seed)}
     with open_sim_rig(config, flown, seed=seed, realtime=realtime) as rig:
         if realtime:
@@ -142,15 +149,18 @@ def doctor(config_path: ConfigArgument) -> None:
 
     Example: avionics doctor wing.toml
     """
-    from rich.console import Console  # noqa: PLC0415 (start-up)
-    from rich.markup import escape  # noqa: PLC0415 (start-up)
-    from rich.table import Table  # noqa: PLC0415 (start-up)
-
     from avionics.config import one_wing  # noqa: PLC0415 (start-up)
     from avionics.config.load import load_config  # noqa: PLC0415 (start-up)
-    from avionics.flight.assemble import probe  # noqa: PLC0415 (start-up)
 
-    findings = probe(one_wing(load_config(config_path), "doctor"))
+    config = one_wing(load_config(config_path), "doctor")
+
+    from rich.console import Console  # noqa: PLC0415 (after what may be refused)
+    from rich.markup import escape  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
+    from avionics.flight.assemble import probe  # noqa: PLC0415
+
+    findings = probe(config)
     table = Table(box=None, pad_edge=False)
     for heading in ("", "what", "found", "remedy"):
         table.add_column(heading, overflow="fold")

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
-from scipy.stats import chi2
 
+from avionics.analysis.bounds import mean_square_bounds
 from avionics.kinds import CRG, PAPER, RG, TRACKS, TRUTH, style_of
 from avionics.records import FloatArray
 from avionics.report.data import EstimateHistory, Flight, Series
@@ -215,7 +215,7 @@ def innovation_figure(flight: Flight, history: EstimateHistory) -> Figure:
     known = np.isfinite(history.nis) & (history.used > 0)
     t, nis = flight.seconds(history.t_ns[known]), history.nis[known]
     freedom = 2 * history.used[known]
-    low, high = (chi2.ppf(p, freedom) / freedom for p in (0.025, 0.975))
+    low, high = mean_square_bounds(freedom)
     axes[0].fill_between(t, low, high, step="mid", color="#1a7f37", alpha=0.15, lw=0)
     dot: dict[str, Any] = {"marker": ".", "ms": 3, "ls": "none", "rasterized": True}
     axes[0].plot(t, np.maximum(nis, 1e-3), color=style_of(CRG).colour, **dot)

@@ -21,7 +21,6 @@ from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from avionics.config import Camera, Config, FlightConfig, stations
-from avionics.flight.filter_setup import pinhole_from_config
 from avionics.kinds import PAPER
 from avionics.recording.foxglove.colours import COLOURS
 from avionics.recording.foxglove.overlay import Overlay
@@ -200,6 +199,8 @@ def _blank_scene(kind: str, points: int, dots: int) -> _Scene:
 
 def _camera_pose(camera: Camera, stamp: Timestamp) -> FrameTransform:
     from scipy.spatial.transform import Rotation  # noqa: PLC0415 (slow; readers draw nothing)
+
+    from avionics.flight.filter_setup import pinhole_from_config  # noqa: PLC0415
 
     pinhole = pinhole_from_config(camera)
     rotation, _ = opencv_pose(pinhole)
