@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from avionics.config import Config, one_wing
+from avionics.config import ByCamera, FlightConfig
 from avionics.config.load import apply_overrides, parse_config
 from avionics.errors import RecordingError
 from avionics.flight.pipelines import Pipelines
@@ -49,7 +49,7 @@ def replay(
     log: Path,
     output: Path,
     *,
-    config: Config | None = None,
+    config: FlightConfig | None = None,
     overrides: tuple[str, ...] = (),
     tracker: Literal["led", "csrt", "kcf"] | None = None,
     retrack: bool = False,
@@ -63,7 +63,7 @@ def replay(
     ----------
     log, output : Path
         The log to read and the log to write.
-    config : Config, optional
+    config : Config or WingsConfig, optional
         Instead of the log's own.
     overrides : tuple of str
         ``key=value`` pairs applied on top.
@@ -89,8 +89,7 @@ def replay(
         msg = f"{output}: is the log itself; write the replay to another file"
         raise RecordingError(msg)
     reader = LogReader(log)
-    own = one_wing(reader.config, f"{log}: replay")
-    flown = _configuration(config if config is not None else own, overrides, tracker)
+    flown = _configuration(config if config is not None else reader.config, overrides, tracker)
     has_tracks = next(reader.messages(TRACKS), None) is not None
     metadata = {**reader.metadata, "replayed_from": log.name}
     attachments = {
@@ -115,24 +114,26 @@ def replay(
     return summary
 
 
-def _configuration(config: Config, overrides: tuple[str, ...], tracker: str | None) -> Config:
+def _configuration(
+    config: FlightConfig, overrides: tuple[str, ...], tracker: str | None
+) -> FlightConfig:
     pairs = (*overrides, *((f"tracker.name={tracker}",) if tracker else ()))
     if not pairs:
         return config
-    tables = apply_overrides(config.model_dump(mode="json"), pairs)
-    return one_wing(parse_config(tables, origin="--set"), "replay")
+    return parse_config(apply_overrides(config.model_dump(mode="json"), pairs), origin="--set")
 
 
 class _Replay:
-    def __init__(self, config: Config, writer: LogProcess, *, track: bool, images: bool) -> None:
+    def __init__(
+        self, config: FlightConfig, writer: LogProcess, *, track: bool, images: bool
+    ) -> None:
         self._images, self._track = images, track
-        self._pipeline = Pipelines(config, writer)
-        self._tracker: Tracker | None = None
-        self._can_track = config.camera is not None and bool(config.markers)
-        if track and self._can_track:
-            from avionics.tracking import make_tracker  # noqa: PLC0415 (and OpenCV with it)
+        self._pipelines = Pipelines(config, writer)
+        self._trackers: ByCamera[Tracker | None] | None = None
+        if track:
+            from avionics.flight.runner import trackers_for  # noqa: PLC0415 (and OpenCV with it)
 
-            self._tracker = make_tracker(config)
+            self._trackers = trackers_for(config)
         self._tracked = self._untracked = self._records = 0
 
     def over(self, reader: LogReader, progress: Progress | None) -> ReplaySummary:
@@ -144,39 +145,40 @@ class _Replay:
             self._take(message.record, message.arrival_ns)
             if progress is not None and self._records % 64 == 0:
                 progress((message.arrival_ns - start_ns) * 1e-9)
-        self._pipeline.close()
+        self._pipelines.close()
         return ReplaySummary(self._records, self._tracked, self._untracked)
 
     def _take(self, record: object, arrival_ns: int) -> None:
         match record:
             case ImuSample():
                 self._records += 1
-                self._pipeline.on_imu(record, arrival_ns)
+                self._pipelines.on_imu(record, arrival_ns)
             case EncodedFrame() | Frame():
                 self._records += 1
                 self._on_frame(record, arrival_ns)
             case MarkerTracks():
                 if not self._track:
-                    self._pipeline.on_tracks(record, arrival_ns)
+                    self._pipelines.on_tracks(record, arrival_ns)
             case Truth():
-                self._pipeline.pass_on(record, arrival_ns)
+                self._pipelines.pass_on(record, arrival_ns)
             case Health() | Event():
                 if not record.source.startswith(REMADE):
-                    self._pipeline.pass_on(record, arrival_ns)
+                    self._pipelines.pass_on(record, arrival_ns)
             case _:
                 pass
 
     def _on_frame(self, frame: EncodedFrame | Frame, arrival_ns: int) -> None:
         if self._images:
-            self._pipeline.pass_on(frame, arrival_ns)
+            self._pipelines.pass_on(frame, arrival_ns)
         else:
-            self._pipeline.advance(arrival_ns)
-        if not self._track:
+            self._pipelines.advance(arrival_ns)
+        if self._trackers is None:
             return
-        if self._tracker is None:
+        tracker = self._trackers.get(frame.camera)
+        if tracker is None:
             self._untracked += 1
             return
         picture = frame.decode() if isinstance(frame, EncodedFrame) else frame
-        prediction = self._pipeline.predict_markers(picture.t_ns)
-        self._pipeline.on_tracks(self._tracker.update(picture, prediction), arrival_ns)
+        prediction = self._pipelines.predict_markers(picture.t_ns, frame.camera)
+        self._pipelines.on_tracks(tracker.update(picture, prediction), arrival_ns)
         self._tracked += 1

@@ -77,10 +77,9 @@ def replay(
     claim(output, force=force)
     given = None
     if config is not None:
-        from avionics.config import one_wing  # noqa: PLC0415
         from avionics.config.load import load_config  # noqa: PLC0415
 
-        given = one_wing(load_config(config), "replay")
+        given = load_config(config)
 
     from avionics.analysis.replay import replay as replay_log  # noqa: PLC0415
 

@@ -98,9 +98,8 @@ def sim(
     Example: avionics sim --scenario oblique --duration 30 --seed 1 -o sim.mcap
     """
     from avionics.cli.configuration import given_or_packaged  # noqa: PLC0415 (start-up)
-    from avionics.config import one_wing  # noqa: PLC0415 (start-up)
 
-    config = one_wing(given_or_packaged(config_path, tuple(overrides or ())), "sim")
+    config = given_or_packaged(config_path, tuple(overrides or ()))
     path = claim(output or Path(f"sim-{Path(scenario).stem}-{seed}.mcap"), force=force)
 
     from sim_bus.wing.scenario import load_scenario  # noqa: PLC0415 (after what may be refused)

@@ -9,9 +9,10 @@ from avionics.config.model import (
     stations,
 )
 from avionics.config.shared import Estimator, Recorder, Tracker
-from avionics.config.wings import FlightConfig, WingsConfig, one_wing
+from avionics.config.wings import ByCamera, FlightConfig, WingsConfig, one_wing
 
 __all__ = [
+    "ByCamera",
     "Camera",
     "Config",
     "Estimator",

@@ -3,14 +3,15 @@
 The short form for one wing, ``[wing]`` with its tables beside it, is ``Config``.
 """
 
-from collections.abc import Iterable
-from typing import Annotated, Any
+from collections.abc import Iterable, Sequence
+from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import Field, model_validator
 
 from avionics.config.model import Config, Equipment, FlightSettings, Pod, Wing
 from avionics.errors import ConfigError
 
+T = TypeVar("T")
 SHORT_FORM = ("wing", *Equipment.model_fields)
 """Tables that stand at the top of a file for one wing, and within ``[[wings]]`` for several."""
 
@@ -87,6 +88,30 @@ def flight_config(tables: dict[str, Any]) -> FlightConfig:
         return Config.model_validate(tables)
     several = WingsConfig.model_validate(tables)
     return several.wing_configs[0] if len(several.wings) == 1 else several
+
+
+class ByCamera(Generic[T]):
+    """What belongs to each wing, found by its camera; a single wing takes any camera for its own.
+
+    Parameters
+    ----------
+    config : Config or WingsConfig
+        The wings.
+    items : sequence
+        One for each, in order.
+    """
+
+    def __init__(self, config: FlightConfig, items: Sequence[T]) -> None:
+        self._items = tuple(items)
+        self._by_name = {
+            each.camera.name: item
+            for each, item in zip(config.wing_configs, items, strict=True)
+            if each.camera is not None
+        }
+
+    def get(self, camera: str) -> T | None:
+        """Return what belongs to the wing of a camera; None if none of several has it."""
+        return self._items[0] if len(self._items) == 1 else self._by_name.get(camera)
 
 
 def one_wing(config: FlightConfig, what: str) -> Config:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from avionics.config import FlightConfig
+from avionics.config import ByCamera, FlightConfig
 from avionics.flight.estimate_rows import RowMaker
 from avionics.flight.health import HealthLog
 from avionics.flight.outputs import BatchSink, Outbox, RowWriter
@@ -46,11 +46,9 @@ class Pipelines:
             for i, each in enumerate(configs)
         ]
         self._of_pod: dict[str, Sequence[Pipeline]] = {ROOT: self._wings}
-        self._of_camera: dict[str, Pipeline] = {}
+        self._of_camera = ByCamera(config, self._wings)
         for each, pipeline in zip(configs, self._wings, strict=True):
             self._of_pod |= {name: [pipeline] for name in each.pod_names}
-            if each.camera is not None:
-                self._of_camera[each.camera.name] = pipeline
         self._period_ns = round(1e9 * config.estimator.row_period_s)
         self._tick_ns: int | None = None
         self._now_ns = 0
@@ -70,7 +68,7 @@ class Pipelines:
         """Take the markers of one frame, as late and out of order as they come."""
         self._catch_up(arrival_ns, before=True)
         self._outbox.write(tracks, arrival_ns)
-        pipeline = self._with_camera(tracks.camera)
+        pipeline = self._of_camera.get(tracks.camera)
         if pipeline is None:
             self._health.count(f"camera {tracks.camera}", "unknown")
             return
@@ -93,10 +91,9 @@ class Pipelines:
         ValueError
             If several wings fly and none of them has this camera.
         """
-        pipeline = self._with_camera(camera)
+        pipeline = self._of_camera.get(camera)
         if pipeline is None:
-            known = ", ".join(self._of_camera)
-            msg = f"camera '{camera}' belongs to no wing; wanted one of {known}"
+            msg = f"camera '{camera}' belongs to no wing of the flight"
             raise ValueError(msg)
         return pipeline.predict_markers(t_ns)
 
@@ -109,10 +106,6 @@ class Pipelines:
         self._health.account(self._now_ns, is_last=True)
         self._outbox.flush()
         self._now_ns = 0
-
-    def _with_camera(self, name: str) -> Pipeline | None:
-        """Return whose camera it is; a single wing takes every camera for its own."""
-        return self._wings[0] if len(self._wings) == 1 else self._of_camera.get(name)
 
     def _catch_up(self, arrival_ns: int, *, before: bool) -> None:
         period = self._period_ns

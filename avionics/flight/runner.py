@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from avionics.config import Config
+from avionics.config import ByCamera, Config, FlightConfig
 from avionics.flight.pipelines import Pipelines
 from avionics.flight.rig import Rig
 from avionics.records import Event, Health, MarkerPrediction, MarkerTracks, Truth
@@ -34,29 +34,29 @@ HEALTH_PERIOD_NS = 1_000_000_000
 
 
 class Flight:
-    """The synchronous core of every run: pipeline, sink and counters, used from one thread."""
+    """The synchronous core of every run: pipelines, sink, counters, used from one thread."""
 
-    def __init__(self, rig: Rig, config: Config, sink: Sink) -> None:
+    def __init__(self, rig: Rig, config: FlightConfig, sink: Sink) -> None:
         self._reporting = [s for s in _sources(rig) if isinstance(s, Reporting)]
-        self._pipeline = Pipelines(config, sink)
+        self._pipelines = Pipelines(config, sink)
         self._next_health_ns: int | None = None
 
     def take(self, record: Record, arrival_ns: int) -> None:
-        """Hand one record to the pipeline; what the filter has no use for passes through it."""
+        """Hand one record to the pipelines; what no filter has use for passes through them."""
         if isinstance(record, ImuSample):
-            self._pipeline.on_imu(record, arrival_ns)
+            self._pipelines.on_imu(record, arrival_ns)
         elif isinstance(record, MarkerTracks):
-            self._pipeline.on_tracks(record, arrival_ns)
+            self._pipelines.on_tracks(record, arrival_ns)
         else:
-            self._pipeline.pass_on(record, arrival_ns)
+            self._pipelines.pass_on(record, arrival_ns)
 
     def predict(self, frame: Frame) -> MarkerPrediction:
-        """Return where the filter expects the markers in a frame."""
-        return self._pipeline.predict_markers(frame.t_ns)
+        """Return where the filter of a camera's wing expects the markers in a frame."""
+        return self._pipelines.predict_markers(frame.t_ns, frame.camera)
 
     def pass_time(self, now_ns: int, extra: Counter[str] | None = None) -> None:
         """Let rows fall due; log what the sources have to say, once a second their counters."""
-        self._pipeline.advance(now_ns)
+        self._pipelines.advance(now_ns)
         for source in self._reporting:
             for event in source.take_events():
                 self.take(replace(event, source=f"{DRIVER}{event.source}"), now_ns)
@@ -73,7 +73,12 @@ class Flight:
 
     def close(self) -> None:
         """End the flight: what the pipeline still holds goes to the sink."""
-        self._pipeline.close()
+        self._pipelines.close()
+
+
+def trackers_for(config: FlightConfig) -> ByCamera[Tracker | None]:
+    """Return the tracker of each wing's camera."""
+    return ByCamera(config, [tracker_for(each) for each in config.wing_configs])
 
 
 def tracker_for(config: Config) -> Tracker | None:
@@ -83,7 +88,7 @@ def tracker_for(config: Config) -> Tracker | None:
 
 def run_lockstep(
     rig: Rig,
-    config: Config,
+    config: FlightConfig,
     sink: Sink,
     *,
     duration_s: float,
@@ -96,7 +101,7 @@ def run_lockstep(
     ----------
     rig : Rig
         Its clock's ``sleep_until_ns`` moves time; its sources return what is then due.
-    config : Config
+    config : Config or WingsConfig
         The configuration that flies.
     sink : Sink
         Takes every record in pipeline order.
@@ -107,7 +112,7 @@ def run_lockstep(
     progress : callable, optional
         Called with the seconds flown, ten times a flown second.
     """
-    flight, tracker = Flight(rig, config, sink), tracker_for(config)
+    flight, trackers = Flight(rig, config, sink), trackers_for(config)
     start_ns, step_ns = rig.clock.now_ns(), round(step_s * 1e9)
     for step in range(1, round(duration_s / step_s) + 1):
         rig.clock.sleep_until_ns(start_ns + step * step_ns)
@@ -115,7 +120,10 @@ def run_lockstep(
         for record in _due(rig):
             now_ns = rig.clock.now_ns()  # a polled chip takes time to read
             flight.take(record, now_ns)
-            if isinstance(record, Frame) and tracker is not None:
+            if not isinstance(record, Frame):
+                continue
+            tracker = trackers.get(record.camera)
+            if tracker is not None:
                 flight.take(tracker.update(record, flight.predict(record)), now_ns)
         flight.pass_time(now_ns)
         if progress is not None and step % 100 == 0:
@@ -136,7 +144,7 @@ def _due(rig: Rig) -> Iterator[Record]:
 
 def run_live(
     rig: Rig,
-    config: Config,
+    config: FlightConfig,
     sink: Sink,
     *,
     stop: threading.Event,
@@ -147,7 +155,8 @@ def run_live(
 
     A record arrives when this thread takes it from the queue: arrivals never run backwards. A
     source that fails is reported, left alone for a moment and read again; the others fly on. A
-    frame that comes while the tracker is busy is recorded but not tracked, and counted.
+    frame that comes while the tracker of its camera is busy is recorded but not tracked, and
+    counted.
     """
     live = _Live(rig, config, stop)
     flight = Flight(rig, config, sink)
@@ -175,27 +184,27 @@ def run_live(
 class _Live:
     """The threads of a live run and the queue in front of the pipeline."""
 
-    def __init__(self, rig: Rig, config: Config, stop: threading.Event) -> None:
+    def __init__(self, rig: Rig, config: FlightConfig, stop: threading.Event) -> None:
         self.counters: Counter[str] = Counter()
         self._rig, self._stop = rig, stop
         # ``queue.Queue`` costs a small machine more than many a record: its waits are Python.
         self._records: queue.SimpleQueue[Record] = queue.SimpleQueue()
-        self._frames: queue.Queue[tuple[Frame, MarkerPrediction]] = queue.Queue(1)
-        self._tracker = tracker_for(config)
+        trackers = [tracker_for(each) for each in config.wing_configs]
+        self._desks = [None if tracker is None else _Desk(tracker) for tracker in trackers]
+        self._desk_of = ByCamera(config, self._desks)
 
     @contextlib.contextmanager
     def threads(self) -> Iterator[None]:
-        """Run one thread a source, and the tracker's, while the block lasts."""
+        """Run one thread a source and one a tracker while the block lasts."""
         threads = [
             threading.Thread(target=self._pump, args=(source,), name=f"source {i}", daemon=True)
             for i, source in enumerate(_sources(self._rig))
         ]
-        if self._tracker is not None:
-            threads.append(
-                threading.Thread(
-                    target=self._track, args=(self._tracker,), name="tracker", daemon=True
-                )
-            )
+        threads += [
+            threading.Thread(target=self._track, args=(desk,), name=f"tracker {i}", daemon=True)
+            for i, desk in enumerate(self._desks)
+            if desk is not None
+        ]
         for thread in threads:
             thread.start()
         try:
@@ -213,13 +222,14 @@ class _Live:
             return None
 
     def offer_frame(self, frame: Frame, predict: Callable[[Frame], MarkerPrediction]) -> None:
-        """Give the tracker a frame, unless it still has one waiting."""
-        if self._tracker is None:
+        """Give the tracker of its camera a frame, unless it still has one waiting."""
+        desk = self._desk_of.get(frame.camera)
+        if desk is None:
             return
-        if self._frames.full():
+        if desk.frames.full():
             self.counters["frames_not_tracked"] += 1
             return
-        self._frames.put((frame, predict(frame)))
+        desk.frames.put((frame, predict(frame)))
 
     def _put(self, record: Record) -> None:
         if self._records.qsize() >= LIVE_QUEUE_RECORDS:
@@ -251,8 +261,16 @@ class _Live:
         now_ns = self._rig.clock.now_ns()
         self._put(Event(now_ns, name, "error" if is_error else "info", message))
 
-    def _track(self, tracker: Tracker) -> None:
+    def _track(self, desk: "_Desk") -> None:
         while not self._stop.is_set():
             with contextlib.suppress(queue.Empty):
-                frame, prediction = self._frames.get(timeout=READ_TIMEOUT_S)
-                self._put(tracker.update(frame, prediction))
+                frame, prediction = desk.frames.get(timeout=READ_TIMEOUT_S)
+                self._put(desk.tracker.update(frame, prediction))
+
+
+class _Desk:
+    """A tracker and the frame that waits for it."""
+
+    def __init__(self, tracker: Tracker) -> None:
+        self.tracker = tracker
+        self.frames: queue.Queue[tuple[Frame, MarkerPrediction]] = queue.Queue(1)

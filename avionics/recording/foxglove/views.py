@@ -20,7 +20,7 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from avionics.config import Camera, Config, FlightConfig, stations
+from avionics.config import ByCamera, Camera, Config, FlightConfig, stations
 from avionics.kinds import PAPER
 from avionics.recording.foxglove.colours import COLOURS
 from avionics.recording.foxglove.overlay import Overlay
@@ -53,11 +53,7 @@ class FoxgloveViews:
         wings = [_WingViews(each, utc_offset_ns=utc_offset_ns) for each in configs]
         self._first = wings[0]
         self._by_wing = {each.wing.name: wing for each, wing in zip(configs, wings, strict=True)}
-        self._by_camera = {
-            each.camera.name: wing
-            for each, wing in zip(configs, wings, strict=True)
-            if each.camera is not None
-        }
+        self._by_camera = ByCamera(config, wings)
 
     def of(self, record: Record, arrival_ns: int) -> Views:
         """Return topic and message of every view that this record calls for.
@@ -73,7 +69,8 @@ class FoxgloveViews:
         if isinstance(record, WingShapeEstimate | Truth):
             return self._by_wing.get(record.wing, self._first).of(record)
         if isinstance(record, MarkerTracks):
-            return self._by_camera.get(record.camera, self._first).of(record)
+            wing = self._by_camera.get(record.camera)
+            return [] if wing is None else wing.of(record)
         return []
 
     def _still_life(self, arrival_ns: int) -> Views:
