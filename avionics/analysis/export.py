@@ -9,7 +9,8 @@ import numpy as np
 
 from avionics.analysis.tables import Column, Table, tables_of
 from avionics.config import one_wing
-from avionics.errors import AvionicsError, OutputExistsError, RecordingError
+from avionics.desk import desk_imports
+from avionics.errors import OutputExistsError, RecordingError
 from avionics.recording import LogReader
 
 TableFormat = Literal["csv", "parquet"]
@@ -105,12 +106,9 @@ def _texts(column: Column) -> list[Any]:
 
 
 def _parquet_writer() -> Callable[[Path, Table], None]:
-    try:
-        import pyarrow as pa  # noqa: PLC0415  # only on the desk
+    with desk_imports("Parquet", "use --format csv"):
+        import pyarrow as pa  # noqa: PLC0415
         from pyarrow import parquet  # noqa: PLC0415
-    except ImportError as error:
-        msg = 'Parquet wants pyarrow: pip install "wing-avionics[desk]", or use --format csv'
-        raise AvionicsError(msg) from error
 
     def write(path: Path, table: Table) -> None:
         arrays = {

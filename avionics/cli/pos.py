@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from avionics.cli.output import Force, progress_bar
+from avionics.desk import desk_imports
 from avionics.errors import AvionicsError, OutputExistsError
 
 if TYPE_CHECKING:
@@ -51,10 +52,11 @@ def run(
 
     Example: avionics pos run gong-table2 --profile consistent --seeds 1:10 -o gong
     """
-    from avionics.pos.study.report import write_report  # noqa: PLC0415 (desk)
-    from avionics.pos.study.results import write_parquet  # noqa: PLC0415 (desk)
-    from avionics.pos.study.runs import run_study  # noqa: PLC0415 (pos is slow to load)
-    from avionics.pos.study.spec import load_spec  # noqa: PLC0415 (pos is slow to load)
+    with desk_imports("a study"):
+        from avionics.pos.study.report import write_report  # noqa: PLC0415
+        from avionics.pos.study.results import write_parquet  # noqa: PLC0415
+        from avionics.pos.study.runs import run_study  # noqa: PLC0415
+        from avionics.pos.study.spec import load_spec  # noqa: PLC0415
 
     spec = load_spec(study)
     profiles = _choice(profile, tuple(spec.profiles), "profile")
@@ -88,10 +90,11 @@ def drive(
 
     Example: avionics pos drive DRIVE.csv -o drive
     """
-    from avionics.pos.study.drive import LIMITS, drive_spec, read_drive  # noqa: PLC0415 (slow)
-    from avionics.pos.study.report import write_report  # noqa: PLC0415 (desk)
-    from avionics.pos.study.results import write_parquet  # noqa: PLC0415 (desk)
-    from avionics.pos.study.runs import run_study  # noqa: PLC0415 (pos is slow to load)
+    with desk_imports("a study"):
+        from avionics.pos.study.drive import LIMITS, drive_spec, read_drive  # noqa: PLC0415
+        from avionics.pos.study.report import write_report  # noqa: PLC0415
+        from avionics.pos.study.results import write_parquet  # noqa: PLC0415
+        from avionics.pos.study.runs import run_study  # noqa: PLC0415
 
     runs = _seeds(seeds, (1, 10))
     carrier = read_drive(recording)
@@ -129,14 +132,15 @@ def design(
     """
     from rich.table import Table  # noqa: PLC0415 (start-up)
 
-    from avionics.pos.study.design import analyse, load_design  # noqa: PLC0415 (pos is slow)
-    from avionics.pos.study.design_page import (  # noqa: PLC0415 (desk)
-        AS_ON_Z,
-        answers,
-        required,
-        rows,
-        write_design,
-    )
+    with desk_imports("a design"):
+        from avionics.pos.study.design import analyse, load_design  # noqa: PLC0415
+        from avionics.pos.study.design_page import (  # noqa: PLC0415
+            AS_ON_Z,
+            answers,
+            required,
+            rows,
+            write_design,
+        )
 
     wanted = load_design(question)
     folder = _claim_folder(output, force=force)

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from avionics.errors import AvionicsError, RecordingError
+from avionics.desk import desk_imports
+from avionics.errors import RecordingError
 from avionics.recording import refuse_existing
 
 Progress = Callable[[float], None]
@@ -35,13 +36,8 @@ def write_report(
         If matplotlib is not installed.
     """
     refuse_existing(output, force=force)
-    try:
-        from avionics.report.sections import build_page  # noqa: PLC0415  # only on the desk
-    except ImportError as error:
-        if not (error.name or "").startswith("matplotlib"):
-            raise
-        msg = 'a report wants matplotlib: pip install "wing-avionics[desk]"'
-        raise AvionicsError(msg) from error
+    with desk_imports("a report"):
+        from avionics.report.sections import build_page  # noqa: PLC0415
     html = build_page(log, progress or (lambda _done: None))
     try:
         output.write_text(html, encoding="utf-8")

@@ -13,11 +13,10 @@ y along the line, z down. Strains are ordered axial, torsion (about y), out-of-p
 from pathlib import Path
 
 from avionics.compiler import IS_COMPILED, cached_compiler
-from avionics.errors import AvionicsError
+from avionics.desk import missing
 
 if not IS_COMPILED:
-    msg = "the simulated wing needs numba: pip install 'wing-avionics[desk]'"
-    raise AvionicsError(msg)
+    raise missing("the simulated wing", "numba")
 
 compiled = cached_compiler("rod", Path(__file__).parent.glob("rod*.py"))
 Vector = tuple[float, float, float]

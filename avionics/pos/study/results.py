@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from avionics.errors import AvionicsError
+from avionics.desk import desk_imports
 from avionics.pos.compiled import Array
 from avionics.pos.metrics import QUANTITIES
 from avionics.pos.study.runs import Line, Study
@@ -101,12 +101,9 @@ def write_rows(rows: list[dict[str, object]], path: Path) -> None:
     AvionicsError
         If pyarrow is not installed.
     """
-    try:
-        import pyarrow as pa  # noqa: PLC0415 - an extra of the package
-        import pyarrow.parquet as pq  # noqa: PLC0415 - an extra of the package
-    except ImportError as error:
-        msg = "Parquet wants pyarrow: pip install 'wing-avionics[desk]'"
-        raise AvionicsError(msg) from error
+    with desk_imports("Parquet"):
+        import pyarrow as pa  # noqa: PLC0415
+        import pyarrow.parquet as pq  # noqa: PLC0415
     pq.write_table(pa.Table.from_pylist(rows), path)
 
 
