@@ -15,6 +15,7 @@ from avionics.recording.schema.messages import (
     from_timestamp,
     schema_name,
 )
+from avionics.recording.schema.plain import PlainRecord
 from avionics.recording.schema.proto import records_pb2
 from avionics.records import (
     EncodedFrame,
@@ -26,7 +27,6 @@ from avionics.records import (
     WingShapeEstimate,
 )
 from avionics.topics import Record
-from drivers.samples import ImuSample
 
 _LEVEL_NAMES = {number: name for name, number in LEVELS.items()}
 
@@ -49,18 +49,6 @@ def _rows(values: Any, width: int) -> FloatArray:
 
 def _flags(values: Any) -> NDArray[np.bool_]:
     return np.fromiter(values, _FLAG, len(values))
-
-
-def _imu(data: bytes, _: int, __: int) -> ImuSample:
-    message = records_pb2.ImuSample.FromString(data)
-    return ImuSample(
-        message.t_ns,
-        message.pod,
-        message.seq,
-        _vector(message.rate_rad_s),
-        _optional(message.specific_force_m_s2),
-        _optional(message.magnetic_flux_t),
-    )
 
 
 def _image(data: bytes, sequence: int, utc_offset_ns: int) -> EncodedFrame:
@@ -137,8 +125,7 @@ def _event(data: bytes, _: int, utc_offset_ns: int) -> Event:
     return Event(t_ns, message.name, level, message.message)
 
 
-_DECODERS: dict[type, Callable[[bytes, int, int], Record]] = {
-    ImuSample: _imu,
+_OWN_DECODERS: dict[type, Callable[[bytes, int, int], Record]] = {
     EncodedFrame: _image,
     MarkerTracks: _tracks,
     WingShapeEstimate: _estimate,
@@ -148,6 +135,7 @@ _DECODERS: dict[type, Callable[[bytes, int, int], Record]] = {
 }
 
 DECODER_OF: dict[str, Callable[[bytes, int, int], Record]] = {
-    schema_name(MESSAGE_OF[record]): decoder for record, decoder in _DECODERS.items()
+    schema_name(message): _OWN_DECODERS.get(record) or PlainRecord(record, message).decode
+    for record, message in MESSAGE_OF.items()
 }
 """By schema name; each takes the message's bytes, its MCAP sequence and ``utc_offset_ns``."""

@@ -9,10 +9,10 @@ from typing import Any
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import Message
-from numpy.typing import NDArray
 
-from avionics.recording.schema.messages import camera_frame, to_timestamp
+from avionics.recording.schema.messages import MESSAGE_OF, camera_frame, to_timestamp
 from avionics.recording.schema.packed import PackedFields
+from avionics.recording.schema.plain import PlainRecord
 from avionics.recording.schema.proto import records_pb2
 from avionics.records import EncodedFrame, Event, Health, MarkerTracks, Truth, WingShapeEstimate
 from drivers.samples import ImuSample
@@ -53,23 +53,6 @@ _NIS_ZERO = _DOUBLE.pack(_NIS_TAG, 0.0)
 
 def _packed(message: Message) -> bytes:
     return message.SerializeToString(deterministic=True)
-
-
-def _list(array: NDArray[Any] | None) -> list[Any]:
-    """Return the elements; an absent array has none."""
-    return [] if array is None else array.tolist()
-
-
-def _imu(record: ImuSample, _: int) -> bytes:
-    message = records_pb2.ImuSample(
-        t_ns=record.t_ns,
-        pod=record.pod,
-        seq=record.seq,
-        rate_rad_s=record.rate_rad_s.tolist(),
-        specific_force_m_s2=_list(record.specific_force_m_s2),
-        magnetic_flux_t=_list(record.magnetic_flux_t),
-    )
-    return _packed(message)
 
 
 def _image(record: EncodedFrame, utc_offset_ns: int) -> bytes:
@@ -143,14 +126,17 @@ def _event(record: Event, utc_offset_ns: int) -> bytes:
     return _packed(message)
 
 
-_ENCODERS: dict[type, Callable[[Any, int], bytes]] = {
-    ImuSample: _imu,
+_OWN_ENCODERS: dict[type, Callable[[Any, int], bytes]] = {
     EncodedFrame: _image,
     MarkerTracks: _tracks,
     WingShapeEstimate: _estimate,
     Truth: _truth,
     Health: _health,
     Event: _event,
+}
+_ENCODERS: dict[type, Callable[[Any, int], bytes]] = {
+    record: _OWN_ENCODERS.get(record) or PlainRecord(record, message).encode
+    for record, message in MESSAGE_OF.items()
 }
 
 
@@ -166,8 +152,8 @@ def encode(record: Any, utc_offset_ns: int) -> bytes:
 
     Parameters
     ----------
-    record : ImuSample, EncodedFrame, MarkerTracks, WingShapeEstimate, Truth, Health or Event
-        What to encode.
+    record : Record
+        What to encode; any type of ``MESSAGE_OF``.
     utc_offset_ns : int
         UTC minus steady time, ns; needed where the schema is Foxglove's.
     """
