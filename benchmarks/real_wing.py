@@ -18,7 +18,7 @@ from scipy.signal import butter, filtfilt, lfilter
 
 from avionics.analysis.history import between
 from avionics.config import Camera, Config, Estimator, Marker, Pod, Wing
-from avionics.config.links import Bno055Settings
+from avionics.config.chips import Bno055Settings
 from avionics.datasets.motive import MotiveTake, read_motive
 from avionics.flight.filter_setup import marker_model, pinhole_from_config, recorded_basis
 from avionics.flight.pipelines import Pipelines

@@ -11,7 +11,6 @@ import numpy as np
 from avionics.analysis.clock_fit import ClockFit, Rates, fit_clocks
 from avionics.config import Config, one_wing
 from avionics.errors import JoinError
-from avionics.flight.chips import gyro_delay
 from avionics.recording import LogReader, LogWriter
 from avionics.recording.attached import CONFIG_TOML
 from avionics.records import Event, Truth
@@ -204,7 +203,7 @@ def _fit(flown: LogReader, served: LogReader) -> tuple[ClockFit | None, str]:
 def _lag_s(config: Config, name: str) -> tuple[float, float]:
     """Return the mean delay of a pod's rates, s, and the one-sigma of the sampling phase."""
     pod = next(p for p in config.pods if p.name == name)
-    delay, chosen = gyro_delay(pod.chip), config.estimator.gyro_lag_s
+    delay, chosen = pod.chip.delay, config.estimator.gyro_lag_s
     return delay.mean_s if isinstance(chosen, str) else chosen, delay.spread_s / 3**0.5
 
 

@@ -1,4 +1,4 @@
-"""Configuration of what is connected: buses, chips and picture sources."""
+"""Configuration of what is connected: buses and picture sources; the chips are in ``chips``."""
 
 from typing import Annotated, Literal
 
@@ -19,12 +19,12 @@ class Section(BaseModel):
 
 
 class I2cLink(Section):
-    """A BNO055 on an I2C bus."""
+    """A chip on an I2C bus."""
 
     kind: Literal["i2c"] = "i2c"
     bus: int = Field(default=1, ge=0, description="N of /dev/i2c-N")
     address: int = Field(default=0x28, ge=0x08, le=0x77)
-    """Address of the chip: 0x28, or 0x29 with COM3 high."""
+    """Address of the chip: BNO055 0x28, or 0x29 with COM3 high; ICM-42688-P 0x68 or 0x69."""
     mux_address: int | None = Field(default=None, ge=0x70, le=0x77, description="TCA9548A")
     mux_channel: int = Field(default=0, ge=0, le=7)
     """Channel of the multiplexer."""
@@ -54,27 +54,19 @@ class CanLink(Section):
     """Whether each sync makes all pods of the bus sample at once, at their rate_hz."""
 
 
-Link = Annotated[I2cLink | UartLink | CanLink, Field(discriminator="kind")]
+class SpiLink(Section):
+    """A chip on an SPI bus, with a chip select of its own."""
+
+    kind: Literal["spi"]
+    bus: int = Field(default=0, ge=0, description="B of /dev/spidevB.C")
+    device: int = Field(default=0, ge=0, description="C of /dev/spidevB.C: the chip select")
+    speed_hz: int = Field(default=1_000_000, ge=10_000, le=24_000_000)
+    """Clock of the bus, Hz."""
+    mode: Literal[0, 3] = 0
+    """Polarity and phase of the clock."""
 
 
-GYRO_BANDWIDTHS_HZ = (12, 23, 32, 47, 64, 116, 230, 523)
-
-
-class Bno055Settings(Section):
-    """How the BNO055 is set; read back and checked when it is opened."""
-
-    mode: Literal["gyronly", "amg", "ndof", "imu"] = "amg"
-    """Operation mode; fusion modes (imu, ndof) override range and bandwidth."""
-    gyro_range_dps: Literal[125, 250, 500, 1000, 2000] = 2000
-    """Full scale, deg/s."""
-    gyro_bandwidth_hz: Literal[12, 23, 32, 47, 64, 116, 230, 523] = 32
-    """Low-pass of the gyro, Hz."""
-    external_crystal: bool = False
-    """Whether a 32 kHz crystal is fitted."""
-    calibration_file: str | None = None
-    """JSON of offsets by chip id: restored at the start, saved at the end if fully calibrated."""
-    rate_hz: float = Field(default=100.0, gt=0, le=1000)
-    """How often the chip is read, Hz."""
+Link = Annotated[I2cLink | SpiLink | UartLink | CanLink, Field(discriminator="kind")]
 
 
 class FileCamera(Section):

@@ -34,7 +34,7 @@ def parse_config(tables: dict[str, Any], *, origin: str) -> FlightConfig:
 
 
 # Tables of several kinds, told apart by their key ``kind``.
-TAGGED = ("link", "source")
+TAGGED = ("link", "source", "chip")
 
 
 def explain(origin: str, item: Any) -> str:

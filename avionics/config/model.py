@@ -11,7 +11,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from avionics.config.links import Bno055Settings, CameraSource, Link, Section
+from avionics.config.chips import Bno055Settings, Chip
+from avionics.config.links import CameraSource, Link, Section
 from avionics.config.shared import DistributedPos, Estimator, Recorder, Tracker, Vector3
 from avionics.errors import ConfigError
 from avionics.records import FloatArray
@@ -31,8 +32,8 @@ class Pod(Section):
     )
     link: Link | None = None
     """How the pod is connected; not needed for recorded data."""
-    chip: Bno055Settings = Bno055Settings()
-    """Settings of its IMU."""
+    chip: Chip = Bno055Settings()
+    """Which IMU it is and its settings."""
 
     @field_validator("R_sensor_from_local")
     @classmethod
@@ -42,6 +43,13 @@ class Pod(Section):
             msg = "is not a rotation matrix (orthonormal rows, determinant +1)"
             raise ValueError(msg)
         return value
+
+    @model_validator(mode="after")
+    def _chip_fits_the_link(self) -> "Pod":
+        misfit = None if self.link is None else self.chip.misfit(self.link)
+        if misfit is not None:
+            raise ValueError(misfit)
+        return self
 
     @property
     def name(self) -> str:

@@ -13,12 +13,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from avionics.config import Camera, Config, Estimator, Marker, Pod, Recorder, Wing
-from avionics.config.links import GYRO_BANDWIDTHS_HZ, Bno055Settings
+from avionics.config.chips import GYRO_BANDWIDTHS_HZ, Bno055Settings
 from avionics.config.load import explain
 from avionics.datasets.calibrate import SetCalibration, calibrate_set
 from avionics.datasets.format import DataSet, read_data_set
 from avionics.errors import DataSetError
-from avionics.flight.chips import gyro_delay
 from avionics.recording import LogWriter, appearing_whole
 from avionics.records import Event, Truth
 from avionics.topics import Record
@@ -161,7 +160,7 @@ def config_of(data: DataSet) -> Config:
     )
     # A set says nothing of a register's age. Fusion modes hold the bandwidth themselves.
     lag_s = low_pass_delay_s(imu.gyro_bandwidth_hz)
-    is_known = abs(gyro_delay(chip).filter_s / lag_s - 1.0) * imu.gyro_bandwidth_hz < 0.5
+    is_known = abs(chip.delay.filter_s / lag_s - 1.0) * imu.gyro_bandwidth_hz < 0.5
     try:
         return Config(
             wing=Wing(

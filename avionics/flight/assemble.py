@@ -128,8 +128,7 @@ def _probe_pod(pod: Pod, clock: Clock) -> str:
     if sample is None:
         msg = f"pod {pod.id}: set up, but no sample within 1 s; see `avionics run` for its counters"
         raise DeviceNotFoundError(msg)
-    mode = pod.chip.mode.upper()
-    return f"answers; {mode}, {pod.chip.gyro_range_dps} deg/s, samples come"
+    return f"{pod.chip.title} answers; {pod.chip.summary}, samples come"
 
 
 def _probe_camera(config: Config, clock: Clock) -> Finding:

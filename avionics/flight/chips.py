@@ -1,34 +1,55 @@
-"""From a pod's ``chip`` table to the driver's settings: the place that knows chips by name."""
+"""From a pod's ``chip`` table to its driver: the place that knows chips by name."""
 
-from avionics.config.links import Bno055Settings
-from drivers.bno055.settings import MODE_BY_NAME, Settings
+from pathlib import Path
+
+from avionics.config import Pod
+from avionics.config.chips import Bno055Settings, Icm42688Settings
+from drivers.bno055.calibration import CalibrationFile
+from drivers.bno055.device import Bno055
 from drivers.can.pod.messages import ConfigKey
-from drivers.gyro_delay import GyroDelay
+from drivers.clock import Clock
+from drivers.icm42688.device import Icm42688
+from drivers.interfaces import ImuChip
+from drivers.register_port import RegisterPort
 
 
-def chip_settings(chip: Bno055Settings) -> Settings:
-    """Return what the driver writes to the chip and reads back."""
-    return Settings(
-        mode=MODE_BY_NAME[chip.mode],
-        gyro_range_dps=chip.gyro_range_dps,
-        gyro_bandwidth_hz=chip.gyro_bandwidth_hz,
-        external_crystal=chip.external_crystal,
-    )
+def make_chip(
+    pod: Pod, port: RegisterPort, clock: Clock, *, keeps_calibration: bool = True
+) -> ImuChip:
+    """Return the driver of a pod's chip, not yet brought up.
 
-
-def gyro_delay(chip: Bno055Settings) -> GyroDelay:
-    """Return how old the rates of a chip are when they are read.
-
-    It follows from the configuration, so that a replay knows it too. What flies is what is
-    configured: the drivers read the settings back from the chip, a pod on CAN confirms them, and
-    a log carries the configuration it was flown with.
+    Parameters
+    ----------
+    pod : Pod
+        The pod with its chip's settings.
+    port : RegisterPort
+        How the chip's registers are reached.
+    clock : Clock
+        The clock of its bus.
+    keeps_calibration : bool
+        Whether the chip's calibration file is read and written; not for a simulated chip.
     """
-    return chip_settings(chip).delay
+    match pod.chip:
+        case Bno055Settings(calibration_file=path) as chip:
+            calibrations = None
+            if path is not None and keeps_calibration:
+                calibrations = CalibrationFile(Path(path))
+            return Bno055(
+                port,
+                clock,
+                pod=pod.name,
+                settings=chip.driver_settings(),
+                calibrations=calibrations,
+            )
+        case Icm42688Settings() as chip:
+            return Icm42688(port, clock, pod=pod.name, settings=chip.driver_settings())
 
 
-def pod_settings(chip: Bno055Settings) -> dict[ConfigKey, int]:
-    """Return what a CAN pod is asked to set for a chip's configuration."""
-    mode = chip_settings(chip).mode
+def pod_settings(pod: Pod) -> dict[ConfigKey, int]:
+    """Return what a CAN pod is asked to set; its chip is a BNO055."""
+    chip = pod.chip
+    assert isinstance(chip, Bno055Settings)  # the configuration allows no other on CAN
+    mode = chip.driver_settings().mode
     wanted = {ConfigKey.MODE: int(mode)}
     if not mode.is_fusion:
         wanted[ConfigKey.GYRO_RANGE_DPS] = chip.gyro_range_dps

@@ -11,7 +11,6 @@ import smbus2
 
 from avionics.config import Camera, Pod
 from avionics.config.links import (
-    Bno055Settings,
     CanLink,
     FileCamera,
     GStreamerCamera,
@@ -21,9 +20,7 @@ from avionics.config.links import (
 from avionics.config.links import SocketCamera as SocketSource
 from avionics.config.links import V4l2Camera as V4l2Source
 from avionics.errors import ConfigError
-from avionics.flight.chips import chip_settings, pod_settings
-from drivers.bno055.calibration import CalibrationFile
-from drivers.bno055.device import Bno055
+from avionics.flight.chips import make_chip, pod_settings
 from drivers.bno055.ports import I2cRegisterPort, Tca9548a, UartRegisterPort
 from drivers.cameras import FrameProcess, V4l2Camera, VideoFile, jetson_csi_line
 from drivers.cameras.socket import SocketCamera
@@ -78,10 +75,6 @@ def imu_openers(pods: Iterable[Pod], clock: Clock) -> list[Callable[[], Source[I
     return openers
 
 
-def _calibrations(chip: Bno055Settings) -> CalibrationFile | None:
-    return None if chip.calibration_file is None else CalibrationFile(Path(chip.calibration_file))
-
-
 def _common_rate_hz(where: str, pods: list[Pod]) -> float:
     rates = {pod.chip.rate_hz for pod in pods}
     if len(rates) > 1:
@@ -104,7 +97,7 @@ def _open_i2c(number: int, pods: list[Pod], clock: Clock) -> PolledImus:
         if pod.link.mux_address is not None:
             mux = muxes.setdefault(pod.link.mux_address, Tca9548a(bus, pod.link.mux_address))
         port = I2cRegisterPort(bus, pod.link.address, mux=mux, channel=pod.link.mux_channel)
-        chips.append(_chip(pod, port, clock))
+        chips.append(make_chip(pod, port, clock))
     return _opened(PolledImus(chips, clock, rate_hz, bus=bus, name=f"i2c bus {number}"))
 
 
@@ -133,18 +126,8 @@ def _open_uart(pod: Pod, port: str, baud: int, clock: Clock) -> PolledImus:
         why = os.strerror(number) if number else str(error)
         msg = f"pod {pod.id}: serial port {port} does not open: {why}; {remedy}"
         raise DeviceNotFoundError(msg) from error
-    chip = _chip(pod, UartRegisterPort(line, clock), clock)
+    chip = make_chip(pod, UartRegisterPort(line, clock), clock)
     return _opened(PolledImus([chip], clock, pod.chip.rate_hz, bus=line, name=f"uart {port}"))
-
-
-def _chip(pod: Pod, port: I2cRegisterPort | UartRegisterPort, clock: Clock) -> Bno055:
-    return Bno055(
-        port,
-        clock,
-        pod=pod.name,
-        settings=chip_settings(pod.chip),
-        calibrations=_calibrations(pod.chip),
-    )
 
 
 def _opened(imus: PolledImus) -> PolledImus:
@@ -169,7 +152,7 @@ def _open_can(bus: CanBus, pods: list[Pod], clock: Clock) -> CanImus:
         port,
         {node: pod.name for node, pod in nodes.items()},
         clock,
-        settings={node: pod_settings(pod.chip) for node, pod in nodes.items()},
+        settings={node: pod_settings(pod) for node, pod in nodes.items()},
         trigger_hz=trigger_hz,
     )
     try:

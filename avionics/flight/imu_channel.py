@@ -5,8 +5,7 @@ import math
 import numpy as np
 
 from avionics.config import Estimator, Pod
-from avionics.config.links import Bno055Settings
-from avionics.flight.chips import gyro_delay
+from avionics.config.chips import Bno055Settings
 from avionics.flight.health import HealthLog
 from avionics.flight.sample_clock import SampleClock
 from drivers.samples import ImuSample
@@ -107,9 +106,9 @@ class ImuChannel:
         if not general and isinstance(lag_s, str):
             lag_s = 0.0
         elif lag_s == "filter":
-            lag_s = gyro_delay(chip).filter_s
+            lag_s = chip.delay.filter_s
         elif lag_s == "auto":
-            lag_s = gyro_delay(chip).mean_s
+            lag_s = chip.delay.mean_s
         self._lag_ns = round(1e9 * float(lag_s))
         # Our drivers know when a chip measured: a late poll has read newer data. What others
         # recorded may be late stamps of a regular clock.

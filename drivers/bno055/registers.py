@@ -8,7 +8,6 @@ from enum import IntEnum
 from typing import Final
 
 CHIP_ID_VALUE: Final = 0xA0
-ADDRESSES: Final = (0x28, 0x29)
 
 # Page 0
 CHIP_ID: Final = 0x00

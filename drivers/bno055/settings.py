@@ -7,6 +7,8 @@ from drivers.bno055 import registers as reg
 from drivers.bno055.registers import Mode
 from drivers.gyro_delay import GyroDelay, low_pass_delay_s
 
+# Sec. 4.6: COM3 low, high.
+ADDRESSES: Final = (0x28, 0x29)
 MODE_BY_NAME: Final = {
     "gyronly": Mode.GYRONLY,
     "amg": Mode.AMG,

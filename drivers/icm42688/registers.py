@@ -9,7 +9,6 @@ import math
 from typing import Final
 
 CHIP_ID_VALUE: Final = 0x47
-ADDRESSES: Final = (0x68, 0x69)  # AP_AD0 low, high
 
 # Every bank
 BANK_SEL: Final = 0x76

@@ -1,9 +1,13 @@
 """How an ICM-42688-P shall be set, and what follows: the worth of a bit, the age of a rate."""
 
 from dataclasses import dataclass
+from typing import Final
 
 from drivers.gyro_delay import GyroDelay, low_pass_delay_s
 from drivers.icm42688 import registers as reg
+
+# Sec. 9.3: AP_AD0 low, high.
+ADDRESSES: Final = (0x68, 0x69)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,22 +1,22 @@
 """The real IMU sources on simulated buses, as every pod's ``link`` asks."""
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from avionics.config import FlightConfig, Pod
-from avionics.config.links import CanLink, I2cLink, UartLink
+from avionics.config.links import CanLink, I2cLink, Link, UartLink
 from avionics.errors import ConfigError
-from avionics.flight.chips import chip_settings, pod_settings
+from avionics.flight.chips import make_chip, pod_settings
 from drivers.bno055.device import Bno055
 from drivers.bno055.ports import I2cRegisterPort, Tca9548a, UartRegisterPort
 from drivers.bno055.settings import Settings
 from drivers.can.imus import CanImus
 from drivers.can.python_can import PythonCanPort
 from drivers.clock import Clock
-from drivers.interfaces import Source
+from drivers.interfaces import ImuChip, Source
 from drivers.polled_imus import PolledImus
 from drivers.register_port import RegisterPort
 from drivers.samples import ImuSample
@@ -30,7 +30,7 @@ from sim_bus.timeline import ParallelImus, Timeline
 from sim_bus.wing.scenario import ImuQuality
 
 Opener = Callable[[], None]
-Links = Mapping[str, I2cLink | UartLink | CanLink]
+Links = Mapping[str, Link]
 Opened = list[tuple[Source[ImuSample], Opener]]
 
 
@@ -67,7 +67,7 @@ def generator(seed: int, name: str) -> np.random.Generator:
 
 
 def _polled(
-    devices: list[Bno055],
+    devices: Sequence[ImuChip],
     rate_hz: float,
     bus: SimI2cBus | SimSerialPort,
     clock: Clock,
@@ -80,8 +80,8 @@ def _polled(
     return source, source.open
 
 
-def _device(port: RegisterPort, clock: Clock, pod: Pod) -> Bno055:
-    return Bno055(port, clock, pod=pod.name, settings=chip_settings(pod.chip))
+def _device(port: RegisterPort, clock: Clock, pod: Pod) -> ImuChip:
+    return make_chip(pod, port, clock, keeps_calibration=False)
 
 
 def i2c_sources(parts: Parts, config: FlightConfig, links: Links, *, byte_ns: int) -> Opened:
@@ -177,7 +177,7 @@ def can_sources(
             PythonCanPort(bus, parts.clock, name=f"can {name}"),
             {link.node: pod.name for pod, link in members},
             parts.clock,
-            settings={link.node: pod_settings(pod.chip) for pod, link in members},
+            settings={link.node: pod_settings(pod) for pod, link in members},
             trigger_hz=max(pod.chip.rate_hz * link.triggered for pod, link in members),
         )
         opened.append((source, source.open))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from avionics.config import Estimator, Pod
-from avionics.config.links import Bno055Settings, CanLink, I2cLink, UartLink
-from avionics.flight.chips import gyro_delay
+from avionics.config.chips import Bno055Settings
+from avionics.config.links import CanLink, I2cLink, UartLink
 from avionics.flight.health import HealthLog
 from avionics.flight.imu_channel import ImuChannel
 from drivers.samples import ImuSample
@@ -23,7 +23,7 @@ def used_times_ns(pod: Pod) -> np.ndarray:
     channel = ImuChannel(
         "pod 0", pod, Estimator(), is_mirrored=False, health=HealthLog(ListSink())
     )  # fmt: skip
-    lag_s = gyro_delay(pod.chip).mean_s
+    lag_s = pod.chip.delay.mean_s
     used = []
     for seq, t_ns in enumerate(READS_NS.tolist()):
         rate = np.array([1e-3 * np.sin(seq), 0.0, 0.0])
