@@ -14,14 +14,11 @@ GYRO_BANDWIDTHS_HZ = (12, 23, 32, 47, 64, 116, 230, 523)
 
 
 class ChipSettings(Section):
-    """What every chip has: where it can be, and how often it is read."""
+    """What every chip has: where it can be, and the age of its rates."""
 
     title: ClassVar[str]
     links: ClassVar[tuple[str, ...]]
     addresses: ClassVar[tuple[int, ...]]
-
-    rate_hz: float = Field(default=100.0, gt=0, le=1000)
-    """How often the chip is read, Hz."""
 
     @property
     def summary(self) -> str:
@@ -60,7 +57,8 @@ class Bno055Settings(ChipSettings):
     links: ClassVar[tuple[str, ...]] = ("i2c", "uart", "can")
     addresses: ClassVar[tuple[int, ...]] = bno055.ADDRESSES
 
-    kind: Literal["bno055"] = "bno055"
+    # Not written, so that a configuration of these chips is what it was before there were others.
+    kind: Literal["bno055"] = Field(default="bno055", exclude=True)
     mode: Literal["gyronly", "amg", "ndof", "imu"] = "amg"
     """Operation mode; fusion modes (imu, ndof) override range and bandwidth."""
     gyro_range_dps: Literal[125, 250, 500, 1000, 2000] = 2000
@@ -71,6 +69,8 @@ class Bno055Settings(ChipSettings):
     """Whether a 32 kHz crystal is fitted."""
     calibration_file: str | None = None
     """JSON of offsets by chip id: restored at the start, saved at the end if fully calibrated."""
+    rate_hz: float = Field(default=100.0, gt=0, le=1000)
+    """How often the chip is read, Hz."""
 
     @property
     def summary(self) -> str:
@@ -110,6 +110,8 @@ class Icm42688Settings(ChipSettings):
         description="low-pass of both sensors, Hz; at order 2 and 1000 Hz 21, 48, 60, 97, 118, "
         "192 or 231, elsewhere the error names them",
     )
+    rate_hz: float = Field(default=100.0, gt=0, le=1000)
+    """How often the chip is read, Hz."""
 
     @model_validator(mode="after")
     def _chip_has_them(self) -> "Icm42688Settings":
