@@ -205,7 +205,7 @@ class Truth:
     source : str
         "sim" or "mocap".
     marker_in_body_m : ndarray, shape (K, 3)
-        Positions of the truth markers (``[[truth_marker]]`` of the configuration, in order),
+        Positions of the truth markers (``[[truth_markers]]`` of the configuration, in order),
         body axes, m; NaN where missing.
     line_in_body_m : ndarray, shape (S, 3), or None
         Reference line at the stations ``linspace(0, span, S)``, body axes, m; the last is the tip.

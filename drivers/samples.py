@@ -13,8 +13,9 @@ class ImuSample:
     Attributes
     ----------
     t_ns : int
-        When the sensor measured, ns of the steady clock. Polled chips stamp the middle of the
-        read; what the chip's filter delays is subtracted in the pipeline, not here.
+        When the chip's registers were read, ns of the steady clock: where the data begin in a
+        burst, or the pod's synchronised clock. How old a rate is by then (the chip's low-pass
+        and the period of its registers) is subtracted in the pipeline, not here.
     pod : str
         Identifier of the pod as in the configuration, or ``"root"``.
     seq : int

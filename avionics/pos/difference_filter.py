@@ -38,7 +38,8 @@ class DifferenceOptions:
     nonlinear : bool
         Exact measurement instead of the paper's H x.
     sampling : {"instant", "integrating"}
-        What the filter takes a sample to be. "integrating" is the option ``delta_angle``.
+        What the filter takes a sample to be. "integrating": the mean over the
+        step, as of a chip that puts out angle increments.
     arm_in_H : bool
         As: [(f_m + a_r) x] instead of the paper's [f_m x].
     arm_model : bool

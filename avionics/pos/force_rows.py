@@ -30,7 +30,7 @@ def force_rows(
     y: Array,
     A: Array,
 ) -> None:
-    """Write H, shape (3, n), and innovation y, shape (3,), of the accelerometer difference.
+    """Write measurement matrix and innovation of the accelerometer difference.
 
     Parameters
     ----------
@@ -46,6 +46,8 @@ def force_rows(
         Step, s.
     at, how : Layout, Switches
         The variant.
+    H, y : ndarray, shapes (3, n), (3,)
+        Written: measurement matrix and innovation.
     A : ndarray, shape (10, 3, 3)
         Scratch.
 

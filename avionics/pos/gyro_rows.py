@@ -33,7 +33,7 @@ def gyro_rows(
     y: Array,
     A: Array,
 ) -> None:
-    """Write H, shape (3, n), and innovation y, shape (3,), of the gyro difference.
+    """Write measurement matrix and innovation of the gyro difference.
 
     Parameters
     ----------
@@ -45,6 +45,8 @@ def gyro_rows(
         Step, s.
     at, how : Layout, Switches
         The variant.
+    H, y : ndarray, shapes (3, n), (3,)
+        Written: measurement matrix and innovation.
     A : ndarray, shape (9, 3, 3)
         Scratch.
 

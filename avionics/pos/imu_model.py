@@ -179,7 +179,7 @@ def measurement_rows(
     y: Array,
     A: Array,
 ) -> None:
-    """Write H, shape (6, 24), and innovation y, shape (6,), of velocity and attitude matching.
+    """Write measurement matrix and innovation of velocity and attitude matching.
 
     Parameters
     ----------
@@ -197,6 +197,8 @@ def measurement_rows(
         [r0 x], or zero where the arm's flexing is not modelled.
     nonlinear : bool
         See ``ImuOptions``.
+    H, y : ndarray, shapes (6, 24), (6,)
+        Written: measurement matrix and innovation.
     A : ndarray, shape (6, 3, 3)
         Scratch.
 

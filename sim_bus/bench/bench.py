@@ -1,7 +1,7 @@
 """The hardware-in-the-loop bench: the simulated wing in real time on real or virtual interfaces.
 
 Whatever flies (an unmodified ``avionics run`` in another process, or on the computer at the other
-end of the cable) sees chips, pods and a camera. The truth stays on this side. ``bench_build`` makes
+end of the cable) sees chips, pods and a camera. The truth stays on this side. ``build.py`` makes
 one.
 """
 
@@ -67,12 +67,18 @@ class Bench:
     ----------
     config : Config
         The flying side's configuration: the served one, with the links of this bench.
+    clock : Clock
+        The steady clock of everything that is served.
     faults : FaultPlan
         What goes wrong; may be changed while it runs.
+    scenario, seed : Scenario, int
+        What the wing flies, and the seed of every random draw.
     chips : dict of str to SimBno055
         The simulated chips by pod name.
     motions : dict of str to PodMotion
         What they feel, without errors.
+    stations : list of ServedCan
+        The CAN buses with their simulated pods.
     page : str or None
         Address of the window.
     has_camera : bool

@@ -27,6 +27,8 @@ class PtyUart:
         That clock.
     device : str, optional
         A real serial port to serve; without one a pty is made.
+    baud : int
+        Line speed of the real port.
 
     Attributes
     ----------

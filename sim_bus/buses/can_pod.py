@@ -40,6 +40,8 @@ class SimCanBus(VirtualBus):
         Name of the bus within this process.
     clock : Clock
         The rig's clock: what is sent is stamped with it, s.
+    **options
+        Of python-can's virtual bus.
 
     Notes
     -----
