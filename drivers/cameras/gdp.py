@@ -113,8 +113,11 @@ def _parse_caps(payload: bytes) -> _Caps:
     text = payload.rstrip(b"\x00").decode("ascii", errors="replace")
     found = dict(re.findall(r"(format|width|height)=\(\w+\)([\w]+)", text))
     channels = {"BGR": 3, "GRAY8": 1}.get(found.get("format", ""))
-    size = [int(n) if n.isdigit() else 0 for n in (found.get(k, "") for k in ("width", "height"))]
-    if channels is None or 0 in size:
+    width, height = (
+        int(number) if number.isdigit() else 0
+        for number in (found.get("width", ""), found.get("height", ""))
+    )
+    if channels is None or not width or not height:
         msg = f"stream of frames: format '{text:.120}', expected video/x-raw in BGR or GRAY8"
         raise FrameFormatError(msg)
-    return _Caps(*size, channels)
+    return _Caps(width, height, channels)
