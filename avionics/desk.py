@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from avionics.errors import AvionicsError
 
-LIBRARIES = frozenset(["matplotlib", "numba", "pyarrow"])
+LIBRARIES = frozenset(["matplotlib", "numba", "pandas", "pyarrow"])
 """What the extra ``desk`` of the package adds to a plain install."""
 
 

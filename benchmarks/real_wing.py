@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import butter, filtfilt, lfilter
 
-from avionics.analysis.history import between
+from avionics.analysis.interpolation import between
 from avionics.config import Camera, Config, Estimator, Marker, Pod, Wing
 from avionics.config.chips import Bno055Settings
 from avionics.datasets.motive import MotiveTake, read_motive

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from avionics.analysis.evaluate import evaluate
+from avionics.analysis.flight import read_flight
 from avionics.analysis.replay import replay
 from avionics.config.load import apply_overrides, parse_config
 from avionics.datasets.import_set import import_set
@@ -41,7 +42,7 @@ def cpu_s() -> float:
 
 
 def show(form: str, log: Path) -> None:
-    figures = evaluate(log).to_json_dict()
+    figures = evaluate(read_flight(log)).to_json_dict()
     for kind in ("rg", "crg", "filtered"):
         eq17, odd = figures[kind]["eq17_px"], figures[kind]["eq17_px_odd_blocks"]
         print(

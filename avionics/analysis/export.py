@@ -7,17 +7,16 @@ from typing import Any, Literal
 
 import numpy as np
 
-from avionics.analysis.tables import Column, Table, tables_of
-from avionics.config import one_wing
+from avionics.analysis.flight import Flight
+from avionics.analysis.tables import Column, Table
 from avionics.desk import desk_imports
 from avionics.errors import OutputExistsError, RecordingError
-from avionics.recording import LogReader
 
 TableFormat = Literal["csv", "parquet"]
 
 
 def export(
-    log: Path,
+    flight: Flight,
     directory: Path,
     table_format: TableFormat = "csv",
     *,
@@ -28,7 +27,7 @@ def export(
 
     Parameters
     ----------
-    log : Path
+    flight : Flight
         The log; may be cut.
     directory : Path
         Where the tables go; created if it does not exist.
@@ -54,11 +53,9 @@ def export(
         If Parquet is asked for and pyarrow is not installed.
     """
     write = _write_csv if table_format == "csv" else _parquet_writer()
-    reader = LogReader(log)
-    config = one_wing(reader.config, f"{log}: export")
-    tables = tables_of(reader.messages(decode_images=False), config)
+    tables = sorted(flight.tables.values(), key=lambda table: table.name)
     if not tables:
-        msg = f"{log}: holds no records; there is nothing to export"
+        msg = f"{flight.path}: holds no records; there is nothing to export"
         raise RecordingError(msg)
     paths = {table.name: directory / f"{table.name}.{table_format}" for table in tables}
     _prepare(directory, list(paths.values()), force=force)
@@ -97,8 +94,8 @@ def _write_csv(path: Path, table: Table) -> None:
 
 def _texts(column: Column) -> list[Any]:
     """Return what the CSV shows; Python writes a float with the fewest digits that suffice."""
-    if isinstance(column, list):
-        return column
+    if not isinstance(column, np.ndarray):
+        return list(column)
     if column.dtype.kind == "f":
         return ["" if value != value else repr(value) for value in column.tolist()]  # noqa: PLR0124
     is_flag = column.dtype.kind == "b"

@@ -1,13 +1,16 @@
 """What a log holds, in plain lines: what flew, how long, what came and what was lost."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from avionics.analysis.flight import Flight
+from avionics.analysis.series import TimeArray
 from avionics.config import Config, FlightConfig
 from avionics.errors import AvionicsError
-from avionics.recording import Damage, EncodedFrame, LogReader
-from avionics.records import Event, Health, MarkerTracks
-from drivers.samples import ImuSample
+from avionics.recording import Damage
+from avionics.records import Event
 
 
 @dataclass(slots=True)
@@ -20,8 +23,8 @@ class TopicInfo:
         The topic.
     count : int
         Records on it.
-    first_ns, last_ns : int
-        Arrival of the first and the last, ns of the steady clock.
+    rate_hz : float
+        Mean rate by arrival, Hz; NaN for a single record.
     lost : int or None
         Numbers missing in the source's own count; None where it had none, as in imported sets.
     note : str
@@ -29,9 +32,8 @@ class TopicInfo:
     """
 
     name: str
-    count: int = 0
-    first_ns: int = 0
-    last_ns: int = 0
+    count: int
+    rate_hz: float
     lost: int | None = 0
     note: str = ""
 
@@ -39,12 +41,6 @@ class TopicInfo:
     def lost_text(self) -> str:
         """``lost`` for a table."""
         return "-" if self.lost is None else str(self.lost)
-
-    @property
-    def rate_hz(self) -> float:
-        """Mean rate, Hz; NaN for a single record."""
-        length_ns = self.last_ns - self.first_ns
-        return (self.count - 1) * 1e9 / length_ns if length_ns > 0 else float("nan")
 
 
 @dataclass(slots=True)
@@ -73,6 +69,8 @@ class LogInfo:
         Warnings and errors.
     damage : Damage
         What could not be read.
+    duration_s : float
+        From the first arrival to the last, s.
     """
 
     path: Path
@@ -81,80 +79,60 @@ class LogInfo:
     config: FlightConfig | None
     config_error: str
     attachments: dict[str, int]
-    topics: dict[str, TopicInfo] = field(default_factory=dict)
-    counters: dict[str, dict[str, int]] = field(default_factory=dict)
-    events: list[Event] = field(default_factory=list)
-    damage: Damage = field(default_factory=Damage)
-
-    @property
-    def duration_s(self) -> float:
-        """From the first arrival to the last, s."""
-        if not self.topics:
-            return 0.0
-        first_ns = min(topic.first_ns for topic in self.topics.values())
-        return (max(topic.last_ns for topic in self.topics.values()) - first_ns) * 1e-9
+    topics: dict[str, TopicInfo]
+    counters: dict[str, dict[str, int]]
+    events: list[Event]
+    damage: Damage
+    duration_s: float
 
 
-def read_info(path: Path) -> LogInfo:
-    """Return what a log holds.
-
-    Raises
-    ------
-    RecordingError
-        If it is no log of ours.
-    """
-    reader = LogReader(path)
+def log_info(flight: Flight) -> LogInfo:
+    """Return what a log holds."""
     config, config_error = None, ""
     try:
-        config = reader.config
+        config = flight.config
     except AvionicsError as error:
         config_error = str(error)
-    info = LogInfo(
-        path,
-        path.stat().st_size,
-        reader.metadata,
+    return LogInfo(
+        flight.path,
+        flight.path.stat().st_size,
+        flight.metadata,
         config,
         config_error,
-        {name: len(data) for name, data in reader.attachments.items()},
+        {name: len(data) for name, data in flight.attachments.items()},
+        _topics(flight),
+        flight.health.last,
+        [event for event in flight.events if event.level != "info"],
+        flight.damage,
+        flight.duration_s,
     )
-    is_imported = reader.metadata.get("command") == "import"
-    numbers: dict[str, int] = {}
-    markers: dict[str, tuple[int, int]] = {}
-    for topic, record, arrival_ns in reader.messages(decode_images=False):
-        entry = info.topics.setdefault(topic, TopicInfo(topic, first_ns=arrival_ns))
-        entry.count += 1
-        entry.last_ns = arrival_ns
-        if isinstance(record, ImuSample | EncodedFrame):
-            number = record.seq if isinstance(record, ImuSample) else record.index
-            if is_imported and isinstance(record, ImuSample):
-                entry.lost = None
-            if entry.lost is not None:
-                entry.lost += max(0, number - numbers.get(topic, number - 1) - 1)
-            numbers[topic] = number
-        elif isinstance(record, MarkerTracks):
-            found, total = markers.get(topic, (0, 0))
-            markers[topic] = found + int(record.found.sum()), total + record.found.size
-        elif isinstance(record, Health):
-            info.counters[record.source] = record.counters
-        elif isinstance(record, Event) and record.level != "info":
-            info.events.append(record)
-    for topic, (found, total) in markers.items():
-        info.topics[topic].note = f"{found / max(total, 1):.1%} of markers found"
-    info.damage = reader.damage
-    return info
 
 
-def info_text(path: Path) -> str:
-    """Return ``read_info`` as plain lines for the terminal.
+def _topics(flight: Flight) -> dict[str, TopicInfo]:
+    topics = {name: TopicInfo(name, one.count, one.rate_hz) for name, one in flight.topics.items()}
+    is_imported = flight.metadata.get("command") == "import"
+    for samples in flight.imu.values():
+        topics[samples.topic].lost = None if is_imported else _lost(samples.seq)
+    for camera in flight.cameras.values():
+        if camera.frames is not None:
+            topics[camera.frames.topic].lost = _lost(camera.frames.index)
+        if camera.tracks is not None:
+            found = camera.tracks.found
+            share = int(found.sum()) / max(found.size, 1)
+            topics[camera.tracks.topic].note = f"{share:.1%} of markers found"
+    return topics
 
-    Raises
-    ------
-    RecordingError
-        If it is no log of ours.
-    """
-    info = read_info(path)
+
+def _lost(number: TimeArray) -> int:
+    """Return how many numbers a count leaves out where it goes on."""
+    return int(np.maximum(np.diff(number) - 1, 0).sum())
+
+
+def info_text(flight: Flight) -> str:
+    """Return ``log_info`` as plain lines for the terminal."""
+    info = log_info(flight)
     lines = [
-        f"{path}  {info.size_bytes / 1e6:.2f} MB, {info.duration_s:.2f} s",
+        f"{info.path}  {info.size_bytes / 1e6:.2f} MB, {info.duration_s:.2f} s",
         f"  {info.damage.text()}",
         *(f"  {key}: {value}" for key, value in sorted(info.metadata.items())),
         *_config_lines(info),

@@ -110,9 +110,10 @@ def evaluate(
     """
     from rich.console import Console  # noqa: PLC0415
 
-    from avionics.analysis.evaluate import evaluate as evaluate_log  # noqa: PLC0415
+    from avionics.analysis.evaluate import evaluate as evaluate_flight  # noqa: PLC0415
+    from avionics.analysis.flight import read_flight  # noqa: PLC0415
 
-    evaluation = evaluate_log(read_log_path(log))
+    evaluation = evaluate_flight(read_flight(read_log_path(log)))
     if as_json:
         print(json.dumps(evaluation.to_json_dict(), indent=2))
     else:
@@ -132,11 +133,12 @@ def export(
 
     Example: avionics export replayed.mcap -o tables --format parquet
     """
-    from avionics.analysis.export import export as export_log  # noqa: PLC0415
+    from avionics.analysis.export import export as export_flight  # noqa: PLC0415
+    from avionics.analysis.flight import read_flight  # noqa: PLC0415
 
-    read_log_path(log)
+    flight = read_flight(read_log_path(log))
     with progress_bar("exporting", None) as progress:
-        tables = export_log(log, directory, table_format, force=force, progress=progress)
+        tables = export_flight(flight, directory, table_format, force=force, progress=progress)
     for path, rows in tables.items():
         print(f"{path}: {rows} rows")
 
@@ -146,12 +148,13 @@ def report(log: LogArgument, output: OutputFile, *, force: Force = False) -> Non
 
     Example: avionics report replayed.mcap -o report.html
     """
+    from avionics.analysis.flight import read_flight  # noqa: PLC0415
     from avionics.report.build import write_report  # noqa: PLC0415
 
-    read_log_path(log)
+    flight = read_flight(read_log_path(log))
     claim(output, force=force)
     with progress_bar("drawing", None) as progress:
-        write_report(log, output, force=force, progress=progress)
+        write_report(flight, output, force=force, progress=progress)
     print(f"wrote {output}")
 
 
@@ -160,9 +163,10 @@ def info(log: LogArgument) -> None:
 
     Example: avionics info flight.mcap
     """
+    from avionics.analysis.flight import read_flight  # noqa: PLC0415
     from avionics.analysis.info import info_text  # noqa: PLC0415
 
-    print(info_text(read_log_path(log)))
+    print(info_text(read_flight(read_log_path(log))))
 
 
 def recover(

@@ -107,7 +107,7 @@ def sim(
     flown = load_scenario(scenario)
     length_s = duration if duration is not None else flown.duration_s
 
-    from avionics.analysis.evaluate import SETTLE_S  # noqa: PLC0415
+    from avionics.analysis.comparison import SETTLE_S  # noqa: PLC0415
     from avionics.flight.runner import run_live, run_lockstep  # noqa: PLC0415
     from avionics.recording import LogWriter, Recorder  # noqa: PLC0415
     from sim_bus.rig import open_sim_rig  # noqa: PLC0415

@@ -129,6 +129,37 @@ def one_wing(config: FlightConfig, what: str) -> Config:
     raise ConfigError(msg)
 
 
+def config_of_wing(config: FlightConfig, name: str) -> Config:
+    """Return the configuration that the records of a wing belong to.
+
+    A flight of one wing has no other, whatever an older log calls it.
+
+    Raises
+    ------
+    ConfigError
+        If there are several wings and none has this name.
+    """
+    return config if isinstance(config, Config) else config.for_wing(name)
+
+
+def config_of_camera(config: FlightConfig, name: str) -> Config:
+    """Return the configuration of the wing that a camera looks at.
+
+    Raises
+    ------
+    ConfigError
+        If there are several wings and none has a camera of this name.
+    """
+    if isinstance(config, Config):
+        return config
+    for one in config.wing_configs:
+        if one.camera is not None and one.camera.name == name:
+            return one
+    names = ", ".join(camera.name for camera in config.cameras)
+    msg = f"camera '{name}': the configuration has none of this name; wanted one of {names}"
+    raise ConfigError(msg)
+
+
 def _unique(what: str, key: str, values: Iterable[int | str]) -> None:
     found = list(values)
     if len(set(found)) != len(found):

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.analysis.history import between
+from avionics.analysis.interpolation import between
 from avionics.calibration.extrinsics import (
     LENS,
     NOMINAL_LENS_SIGMA,

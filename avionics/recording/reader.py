@@ -17,14 +17,16 @@ from avionics.config.load import parse_config
 from avionics.errors import RecordingError
 from avionics.recording.attached import CONFIG_JSON, METADATA_NAME
 from avionics.recording.mcap import parse
+from avionics.recording.mcap.damage import Damage
 from avionics.recording.mcap.parse import channel_of
 from avionics.recording.mcap.scan import (
-    Damage,
+    Place,
     RawMessage,
     is_closed,
     message_of,
     open_log,
     records,
+    records_at,
     summary,
 )
 from avionics.recording.schema.decode import DECODER_OF
@@ -53,11 +55,24 @@ class LoggedRecord(NamedTuple):
 
 
 class RawChannelMessage(NamedTuple):
-    """One message with its channel and schema, not decoded."""
+    """One message, not decoded.
+
+    Attributes
+    ----------
+    channel : Channel
+        Its channel, which names the topic.
+    schema : Schema or None
+        Its schema.
+    message : RawMessage
+        Number, times and bytes.
+    offset : int
+        Where in the file ``LogReader.messages_at`` finds it again.
+    """
 
     channel: Channel
     schema: Schema | None
     message: RawMessage
+    offset: int
 
 
 class LogReader:
@@ -163,11 +178,19 @@ class LogReader:
         wanted : callable, optional
             Asked once per channel whether its messages are; None = all.
         """
-        for channel, schema, body in self._bodies(wanted):
-            yield RawChannelMessage(channel, schema, message_of(body))
+        place = Place()
+        for channel, schema, body in self._bodies(wanted, place):
+            yield RawChannelMessage(channel, schema, message_of(body), place.offset)
+
+    def messages_at(self, offset: int) -> Iterator[RawMessage]:
+        """Yield the messages at an ``offset`` that ``raw_messages`` gave: those of one chunk."""
+        with open_log(self.path) as file:
+            for opcode, body in records_at(file, offset):
+                if opcode == MESSAGE:
+                    yield message_of(body)
 
     def _bodies(
-        self, wanted: Callable[[Channel, Schema | None], bool] | None
+        self, wanted: Callable[[Channel, Schema | None], bool] | None, place: Place | None = None
     ) -> Iterator[tuple[Channel, Schema | None, bytes]]:
         """Yield channel, schema and message record of every message that is wanted."""
         is_wanted: dict[int, bool] = {}
@@ -177,7 +200,7 @@ class LogReader:
         count = expected = 0
         with open_log(self.path) as file:
             # The summary first: a damaged first chunk must not cost the names of all topics.
-            for opcode, body in chain(summary(file), records(file, damage)):
+            for opcode, body in chain(summary(file), records(file, damage, place)):
                 if opcode == MESSAGE:
                     number = channel_of(body)
                     channel = channels.get(number)

@@ -9,8 +9,9 @@ from mcap.writer import Writer
 
 from avionics.errors import RecordingError
 from avionics.recording.mcap import parse
+from avionics.recording.mcap.damage import Damage
 from avionics.recording.mcap.logfile import LogFile
-from avionics.recording.mcap.scan import Damage, RawRecord, message_of, open_log, records, summary
+from avionics.recording.mcap.scan import RawRecord, message_of, open_log, records, summary
 
 
 @dataclass(slots=True)

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from avionics.analysis.flight import Flight
 from avionics.desk import desk_imports
 from avionics.errors import RecordingError
 from avionics.recording import refuse_existing
@@ -11,13 +12,13 @@ Progress = Callable[[float], None]
 
 
 def write_report(
-    log: Path, output: Path, *, force: bool = False, progress: Progress | None = None
+    flight: Flight, output: Path, *, force: bool = False, progress: Progress | None = None
 ) -> None:
     """Write the report of a log.
 
     Parameters
     ----------
-    log : Path
+    flight : Flight
         The log; may be cut.
     output : Path
         The HTML file.
@@ -38,7 +39,7 @@ def write_report(
     refuse_existing(output, force=force)
     with desk_imports("a report"):
         from avionics.report.sections import build_page  # noqa: PLC0415
-    html = build_page(log, progress or (lambda _done: None))
+    html = build_page(flight, progress or (lambda _done: None))
     try:
         output.write_text(html, encoding="utf-8")
     except OSError as error:

@@ -10,11 +10,13 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from avionics.analysis.interpolation import linear_at
+from avionics.analysis.series import TrackSeries
 from avionics.flight.filter_setup import pinhole_from_config
 from avionics.kinds import CRG, PAPER, RG, TRACKS, TRUTH, style_of
 from avionics.records import FloatArray
-from avionics.report.data import Flight
 from avionics.report.plots import SETTLED_S, WIDTH_IN
+from avionics.report.subject import Subject
 from drivers.samples import Frame
 
 INSTANTS = 4
@@ -39,19 +41,20 @@ class Instant:
     label: str
 
 
-def choose_instants(flight: Flight) -> list[Instant]:
+def choose_instants(subject: Subject) -> list[Instant]:
     """Return the start, and the lowest, highest and lowest tip of the flight's three thirds.
 
     Instants are those of frames where there are frames.
     """
-    history = flight.estimates.get(CRG) or next(iter(flight.estimates.values()))
-    t_ns, height = history.t_ns, -history.line_m[:, -1, 2]
-    if flight.frames_ns:
-        exposures = np.array(sorted(flight.frames_ns.values()))
+    estimates = subject.main_estimate
+    t_ns, height = estimates.t_ns, -estimates.line_in_body_m[:, -1, 2]
+    tracks = subject.tracks
+    if tracks is not None:
+        exposures = tracks.t_ns
         inside = (exposures >= t_ns[0]) & (exposures <= t_ns[-1])
         if inside.any():
             t_ns = exposures[inside]
-            height = np.interp(t_ns - t_ns[0], history.t_ns - t_ns[0], height)
+            height = np.interp(t_ns - t_ns[0], estimates.t_ns - t_ns[0], height)
     settled = np.flatnonzero(t_ns >= t_ns[0] + round(SETTLED_S * 1e9))
     if len(settled) < INSTANTS:
         settled = np.arange(len(t_ns))
@@ -62,11 +65,15 @@ def choose_instants(flight: Flight) -> list[Instant]:
         for third, value in zip(thirds, signed, strict=True)
         if np.isfinite(value).any()
     ]
-    index_of = {exposure: index for index, exposure in flight.frames_ns.items()}
+    index_of = {} if tracks is None else _frame_by_exposure(tracks)
     return [
-        Instant(int(t_ns[at]) + flight.offset_ns, index_of.get(int(t_ns[at])), f"t{number + 1}")
+        Instant(int(t_ns[at]) + subject.offset_ns, index_of.get(int(t_ns[at])), f"t{number + 1}")
         for number, at in enumerate(sorted({int(settled[0]), *map(int, extremes)}))
     ]
+
+
+def _frame_by_exposure(tracks: TrackSeries) -> dict[int, int]:
+    return dict(zip(tracks.t_ns.tolist(), tracks.frame_index.tolist(), strict=True))
 
 
 def _grid(count: int, row_height_in: float) -> tuple[Figure, list[Axes]]:
@@ -80,7 +87,7 @@ def _grid(count: int, row_height_in: float) -> tuple[Figure, list[Axes]]:
 
 
 def frames_figure(
-    flight: Flight, instants: Sequence[Instant], frames: dict[int, Frame]
+    subject: Subject, instants: Sequence[Instant], frames: dict[int, Frame]
 ) -> Figure | None:
     """Draw markers as tracked, as estimated and as they truly were over the camera's pictures.
 
@@ -102,29 +109,31 @@ def frames_figure(
         image = frame.image if frame.image.ndim == 2 else frame.image[..., ::-1]
         # The square root lifts the wing out of the dark that a short exposure leaves.
         panel.imshow(image, cmap="gray", norm=PowerNorm(0.5, 0, 255), interpolation="nearest")
-        _overlay(panel, flight, instant)
+        _overlay(panel, subject, instant)
         panel.set_xlim(-0.5, width - 0.5)
         panel.set_ylim(height - 0.5, -0.5)
         panel.set_xticks([])
         panel.set_yticks([])
         panel.grid(visible=False)
-        seconds = float(flight.seconds(instant.t_ns))
+        seconds = float(subject.seconds(instant.t_ns))
         panel.set_title(f"{instant.label} = {seconds:.2f} s, frame {frame.index}", fontsize=10)
-    figure.legend(handles=_overlay_legend(flight), loc="outside upper center", ncols=4)
+    figure.legend(handles=_overlay_legend(subject), loc="outside upper center", ncols=4)
     return figure
 
 
-def _overlay(panel: Axes, flight: Flight, instant: Instant) -> None:
-    if flight.tracked_px is not None:
-        pixel = flight.tracked_px.at(instant.t_ns - flight.offset_ns)
+def _overlay(panel: Axes, subject: Subject, instant: Instant) -> None:
+    tracks, truth = subject.tracks, subject.truth
+    if tracks is not None:
+        pixel = linear_at(tracks.t_ns, tracks.pixel, instant.t_ns - subject.offset_ns)
         _dots(panel, pixel, marker="s", ms=13, mec=TRACKS.colour, mew=1.4)
     for kind, colour in ((RG, "white"), (CRG, "#ff3030")):
-        if kind in flight.estimates:
-            pixel = flight.estimates[kind].pixels.at(instant.t_ns)
+        if kind in subject.estimates:
+            estimates = subject.estimates[kind]
+            pixel = linear_at(estimates.t_ns, estimates.marker_px, instant.t_ns)
             _dots(panel, pixel, marker="o", ms=9, mec=colour, mew=1.4)
-    camera = flight.config.camera
-    if flight.truth_markers_m is not None and camera is not None:
-        points = flight.truth_markers_m.at(instant.t_ns)
+    camera = subject.config.camera
+    if truth is not None and camera is not None:
+        points = linear_at(truth.t_ns, truth.marker_in_body_m, instant.t_ns)
         pinhole = pinhole_from_config(camera)
         pixel = pinhole.project(points)[np.isfinite(points).all(axis=1) & pinhole.can_see(points)]
         _dots(panel, pixel, marker="+", ms=8, mec="#3ddc63", mew=1.2)
@@ -134,46 +143,48 @@ def _dots(panel: Axes, pixel: FloatArray, **style: Any) -> None:
     panel.plot(pixel[:, 0], pixel[:, 1], ls="none", mfc="none", **style)
 
 
-def _overlay_legend(flight: Flight) -> list[Line2D]:
+def _overlay_legend(subject: Subject) -> list[Line2D]:
     entries = [
         ("s", TRACKS.colour, "tracked"),
         ("o", "#999999", f"{style_of(RG).label}, white"),
         ("o", "#ff3030", style_of(CRG).label),
     ]
-    if flight.truth_markers_m is not None:
-        entries.append(("+", "#3ddc63", f"truth ({flight.truth_source}), projected"))
+    if subject.truth is not None:
+        entries.append(("+", "#3ddc63", f"truth ({subject.truth.source}), projected"))
     return [
         Line2D([], [], ls="none", marker=marker, mfc="none", mec=colour, mew=1.4, label=label)
         for marker, colour, label in entries
     ]
 
 
-def side_figure(flight: Flight, instants: Sequence[Instant]) -> Figure:
+def side_figure(subject: Subject, instants: Sequence[Instant]) -> Figure:
     """Draw the reference line seen from behind, up is up, at the chosen instants."""
     figure, axes = _grid(len(instants), 2.6)
+    truth = subject.truth
     for panel, instant in zip(axes, instants, strict=True):
-        if flight.truth_line_m is not None:
-            line = flight.truth_line_m.at(instant.t_ns)
-            panel.plot(line[:, 1], -line[:, 2], color=TRUTH.colour, lw=3, alpha=0.5)
-        if flight.truth_markers_m is not None:
-            points = flight.truth_markers_m.at(instant.t_ns)
+        if truth is not None:
+            if truth.line_in_body_m is not None:
+                line = linear_at(truth.t_ns, truth.line_in_body_m, instant.t_ns)
+                panel.plot(line[:, 1], -line[:, 2], color=TRUTH.colour, lw=3, alpha=0.5)
+            points = linear_at(truth.t_ns, truth.marker_in_body_m, instant.t_ns)
             panel.plot(points[:, 1], -points[:, 2], ls="none", marker="+", color=TRUTH.colour, ms=7)
         for kind in PAPER:
-            if kind in flight.estimates:
-                line = flight.estimates[kind].line.at(instant.t_ns)
+            if kind in subject.estimates:
+                estimates = subject.estimates[kind]
+                line = linear_at(estimates.t_ns, estimates.line_in_body_m, instant.t_ns)
                 panel.plot(line[:, 1], -line[:, 2], color=style_of(kind).colour, lw=1.6)
         panel.set_aspect("equal", adjustable="datalim")
-        seconds = float(flight.seconds(instant.t_ns))
+        seconds = float(subject.seconds(instant.t_ns))
         panel.set_title(f"{instant.label} = {seconds:.2f} s", fontsize=10)
         panel.set_xlabel("span y, m")
         panel.set_ylabel("up −z, m")
     handles = [
         Line2D([], [], color=style_of(kind).colour, label=style_of(kind).label)
         for kind in PAPER
-        if kind in flight.estimates
+        if kind in subject.estimates
     ]
-    if flight.truth_markers_m is not None or flight.truth_line_m is not None:
-        label = f"truth ({flight.truth_source})"
+    if truth is not None:
+        label = f"truth ({truth.source})"
         handles.append(Line2D([], [], color=TRUTH.colour, marker="+", label=label))
     figure.legend(handles=handles, loc="outside upper center", ncols=3)
     return figure

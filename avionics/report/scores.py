@@ -1,17 +1,16 @@
 """The figures of merit of a report: what ``evaluate`` says, and the errors over time behind it."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
-from avionics.analysis.evaluate import SETTLE_S, Comparison, Evaluation, evaluate
-from avionics.analysis.history import read_history
-from avionics.config import one_wing
+from avionics.analysis.comparison import SETTLE_S
+from avionics.analysis.evaluate import Evaluation, compare, evaluate
+from avionics.analysis.flight import Flight
+from avionics.analysis.series import TimeArray, WingData
 from avionics.errors import RecordingError
 from avionics.kinds import in_order, style_of
-from avionics.recording import LogReader
-from avionics.report.data import Series
+from avionics.records import FloatArray
 
 HEAD = ("estimate", "median, px", "mean, px", "95 %, px", "max, px", "slope, px/min",
         "tip RMS, mm", "tip max, mm", "tip NEES", "NIS per DOF")  # fmt: skip
@@ -20,6 +19,22 @@ NOTE = (
     " distance from the true end of the reference line. NEES and NIS are near 1 where the filter"
     " judges its own uncertainty rightly."
 )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """One quantity over time.
+
+    Attributes
+    ----------
+    t_ns : ndarray of int64, shape (n,)
+        When, ns, increasing.
+    values : ndarray, shape (n, ...)
+        What.
+    """
+
+    t_ns: TimeArray
+    values: FloatArray
 
 
 @dataclass(slots=True, eq=False)
@@ -32,38 +47,35 @@ class Scores:
         One row per estimate, columns as in ``HEAD``.
     why_none : str
         Why there is no table; empty if there is one.
-    errors : dict of str to Series
+    errors : dict of str to Curve
         Marker error by kind over the whole flight, px.
-    truth_tip : Series or None
+    truth_tip : Curve or None
         True position of the tip, (n, 3), m.
     """
 
     rows: list[tuple[str, ...]] = field(default_factory=list)
     why_none: str = ""
-    errors: dict[str, Series] = field(default_factory=dict)
-    truth_tip: Series | None = None
+    errors: dict[str, Curve] = field(default_factory=dict)
+    truth_tip: Curve | None = None
 
 
-def read_scores(log: Path) -> Scores:
-    """Return the comparison of a log's estimates with the truth in it."""
+def score_flight(flight: Flight, wing: WingData) -> Scores:
+    """Return the comparison of a wing's estimates with its truth."""
     scores = Scores()
     try:
-        scores.rows = _rows(evaluate(log))
+        scores.rows = _rows(evaluate(flight, wing.name))
     except RecordingError as error:
-        scores.why_none = str(error).removeprefix(f"{log}: ")
-    reader = LogReader(log)
-    history = read_history(reader)
-    if history.truth is None or not history.estimates:
+        scores.why_none = str(error).removeprefix(f"{flight.path}: ")
+    if wing.truth is None or not wing.estimates:
         return scores
-    config = one_wing(reader.config, f"{log}: report")
-    comparison = Comparison(config, history, history.truth, settle_s=0.0)
+    comparison = compare(flight, wing, settle_s=0.0)
     known = np.isfinite(comparison.tip_m).all(axis=1)
     if known.sum() > 1:
-        scores.truth_tip = Series(comparison.t_ns[known], comparison.tip_m[known])
-    for kind in in_order(history.estimates):
-        t_ns, distance_px = comparison.marker_error_px(history.estimates[kind])
+        scores.truth_tip = Curve(comparison.t_ns[known], comparison.tip_m[known])
+    for kind in in_order(wing.estimates):
+        t_ns, distance_px = comparison.marker_error_px(wing.estimates[kind])
         if distance_px.size:
-            scores.errors[kind] = Series(t_ns, distance_px)
+            scores.errors[kind] = Curve(t_ns, distance_px)
     return scores
 
 

@@ -1,37 +1,38 @@
 """The sections of a report, in the order in which a flight is judged."""
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
 
+from avionics.analysis.flight import Flight
+from avionics.analysis.series import TrackSeries
 from avionics.config import Marker, Pod
 from avionics.kinds import CRG, FILTERED
-from avionics.recording import Damage, LogReader
+from avionics.recording import Damage
 from avionics.recording.attached import CONFIG_TOML
 from avionics.report import plots, plots_shape
-from avionics.report.data import Flight, Series, read_flight, read_frames
 from avionics.report.page import Page
-from avionics.report.scores import HEAD, NOTE, Scores, read_scores
+from avionics.report.scores import HEAD, NOTE
+from avionics.report.subject import Subject, subject_of
+from drivers.samples import Frame
 
 MAX_EVENTS = 60
 
 
-def build_page(log: Path, progress: Callable[[float], None]) -> str:
+def build_page(flight: Flight, progress: Callable[[float], None]) -> str:
     """Return the page of a log as HTML."""
-    flight = read_flight(log)
-    scores = read_scores(log)
-    page = Page(f"Flight report: {log.name}", _subtitle(flight))
+    subject = subject_of(flight)
+    page = Page(f"Flight report: {flight.path.name}", _subtitle(subject))
     sections: tuple[Callable[[], None], ...] = (
-        lambda: _summary(page, flight),
-        lambda: _errors(page, flight, scores),
-        lambda: _shapes(page, flight),
-        lambda: _tip(page, flight, scores),
-        lambda: _gyros(page, flight),
-        lambda: _camera(page, flight),
-        lambda: _losses(page, flight),
-        lambda: _attached(page, log),
+        lambda: _summary(page, subject),
+        lambda: _errors(page, subject),
+        lambda: _shapes(page, subject),
+        lambda: _tip(page, subject),
+        lambda: _gyros(page, subject),
+        lambda: _camera(page, subject),
+        lambda: _losses(page, subject),
+        lambda: _attached(page, flight),
     )
     with rc_context(plots.STYLE):
         for number, section in enumerate(sections):
@@ -40,8 +41,8 @@ def build_page(log: Path, progress: Callable[[float], None]) -> str:
     return page.html()
 
 
-def _subtitle(flight: Flight) -> str:
-    info, wing = flight.info, flight.config.wing
+def _subtitle(subject: Subject) -> str:
+    info, wing = subject.info, subject.config.wing
     command = info.metadata.get("command", "")
     said = [
         f"wing '{wing.name}', span {wing.span_m:g} m",
@@ -53,13 +54,13 @@ def _subtitle(flight: Flight) -> str:
     return " · ".join(part for part in said if part)
 
 
-def _summary(page: Page, flight: Flight) -> None:
-    config = flight.config
+def _summary(page: Page, subject: Subject) -> None:
+    config = subject.config
     page.heading("What flew")
-    if flight.info.damage != Damage():
-        page.paragraph(f"The log is not whole: {flight.info.damage.text()}.", is_warning=True)
-    bases = [f"{kind}: {history.basis}" for kind, history in flight.estimates.items()]
-    sha = flight.info.metadata.get("config_sha256", "")
+    if subject.info.damage != Damage():
+        page.paragraph(f"The log is not whole: {subject.info.damage.text()}.", is_warning=True)
+    bases = [f"{kind}: {estimates.basis}" for kind, estimates in subject.estimates.items()]
+    sha = subject.info.metadata.get("config_sha256", "")
     page.table(
         (),
         [
@@ -67,13 +68,13 @@ def _summary(page: Page, flight: Flight) -> None:
                      f" sweep {config.wing.psi0_deg:g}°"),
             ("Pods", _stations(config.pods)),
             ("Markers", _stations(config.markers)),
-            ("Camera", _camera_words(flight)),
+            ("Camera", _camera_words(subject)),
             ("Tracker", config.tracker.name),
             ("Estimator", f"form '{config.estimator.form}', late frames by"
                           f" {config.estimator.late_frames}"),
             ("Modes", "; ".join(bases) or "no estimates in the log"),
             ("Truth", {"sim": "the simulated wing", "mocap": "motion capture"}.get(
-                flight.truth_source, "none in the log")),
+                "" if subject.truth is None else subject.truth.source, "none in the log")),
             ("Configuration", f"SHA-256 {sha[:16]}… (whole at the end of the page)"),
         ],
         numbers=9,
@@ -88,8 +89,8 @@ def _stations(items: Sequence[Pod | Marker]) -> str:
     return "; ".join(f"{', '.join(ids)} at {s:.4g} m" for s, ids in at.items()) or "none"
 
 
-def _camera_words(flight: Flight) -> str:
-    camera = flight.config.camera
+def _camera_words(subject: Subject) -> str:
+    camera = subject.config.camera
     if camera is None:
         return "none"
     origin = "calibrated" if camera.calibrated else "nominal, not calibrated"
@@ -99,16 +100,16 @@ def _camera_words(flight: Flight) -> str:
     )
 
 
-def _errors(page: Page, flight: Flight, scores: Scores) -> None:
+def _errors(page: Page, subject: Subject) -> None:
     page.heading("Error against the truth")
-    if scores.rows:
-        page.table(HEAD, scores.rows, numbers=1)
+    if subject.scores.rows:
+        page.table(HEAD, subject.scores.rows, numbers=1)
         page.paragraph(NOTE)
     else:
-        page.paragraph(f"No figures: the log {scores.why_none}.")
-    if scores.errors:
+        page.paragraph(f"No figures: the log {subject.scores.why_none}.")
+    if subject.scores.errors:
         page.figure(
-            plots.error_figure(flight, scores.errors),
+            plots.error_figure(subject, subject.scores.errors),
             "Marker error over time",
             "Mean distance in the image between the estimated and the true positions of the"
             " visible markers (Srikanth et al., Eq. 17), px, at each frame's exposure. RG-WSE"
@@ -116,13 +117,12 @@ def _errors(page: Page, flight: Flight, scores: Scores) -> None:
         )
 
 
-def _shapes(page: Page, flight: Flight) -> None:
-    if not flight.estimates:
+def _shapes(page: Page, subject: Subject) -> None:
+    if not subject.estimates:
         return
     page.heading("Wing shape at chosen instants")
-    instants = plots_shape.choose_instants(flight)
-    wanted = {one.frame_index for one in instants if one.frame_index is not None}
-    drawing = plots_shape.frames_figure(flight, instants, read_frames(flight.path, wanted))
+    instants = plots_shape.choose_instants(subject)
+    drawing = plots_shape.frames_figure(subject, instants, _pictures(subject, instants))
     if drawing is not None:
         page.figure(
             drawing,
@@ -133,119 +133,130 @@ def _shapes(page: Page, flight: Flight) -> None:
             " The picture is brightened.",
         )
     page.figure(
-        plots_shape.side_figure(flight, instants),
+        plots_shape.side_figure(subject, instants),
         "Reference line seen from behind",
         "Span y to the right and up (−z), m, body axes, equal scales, at the same instants."
         " Markers stand beside the line by their own offsets.",
     )
 
 
-def _tip(page: Page, flight: Flight, scores: Scores) -> None:
-    if not flight.estimates:
+def _pictures(subject: Subject, instants: Sequence[plots_shape.Instant]) -> dict[int, Frame]:
+    """Return the pictures of some instants by frame number; those not in the log are left out."""
+    frames = subject.frames
+    wanted = [one.frame_index for one in instants if one.frame_index is not None]
+    if frames is None:
+        return {}
+    return {index: frames.with_index(index) for index in wanted if index in frames.index}
+
+
+def _tip(page: Page, subject: Subject) -> None:
+    if not subject.estimates:
         return
     page.heading("Tip deflection")
     caption = (
         "Height of the reference line's end above the root (−z, body axes), mm. The band is"
         " ± 2 σ of CRG-WSE."
     )
-    if scores.truth_tip is None:
+    if subject.scores.truth_tip is None:
         caption += " The log holds no true tip to compare with."
-    page.figure(plots.tip_figure(flight, scores.truth_tip), "Tip deflection", caption)
+    page.figure(plots.tip_figure(subject, subject.scores.truth_tip), "Tip deflection", caption)
 
 
-def _gyros(page: Page, flight: Flight) -> None:
-    if not flight.rates:
+def _gyros(page: Page, subject: Subject) -> None:
+    if not subject.imu:
         return
     page.heading("Gyros")
     page.figure(
-        plots.rates_figure(flight),
+        plots.rates_figure(subject),
         "Angular rates as measured",
         "Sensor axes, °/s; bias, lag and mounting not removed.",
     )
-    history = flight.estimates.get(CRG)
-    if history is not None and np.isfinite(history.bias_rad_s).any():
+    as_flown = subject.estimates.get(CRG)
+    if as_flown is not None and np.isfinite(as_flown.bias_rad_s).any():
         page.figure(
-            plots.bias_figure(flight, history),
+            plots.bias_figure(subject, as_flown),
             "Gyro bias as estimated by CRG-WSE",
             "Local axes, °/s, with ± 2 σ.",
         )
 
 
-def _camera(page: Page, flight: Flight) -> None:
-    if flight.found is None:
+def _camera(page: Page, subject: Subject) -> None:
+    tracks = subject.tracks
+    if tracks is None:
         return
     page.heading("Camera and tracking")
-    history = flight.estimates.get(FILTERED)
-    if history is not None and np.isfinite(history.nis).any():
+    filtered = subject.estimates.get(FILTERED)
+    if filtered is not None and np.isfinite(filtered.nis).any():
         page.figure(
-            plots.innovation_figure(flight, history),
+            plots.innovation_figure(subject, filtered),
             "Innovations",
             "Above: normalised innovation squared of each frame over its degrees of freedom"
             " (two per marker used). 95 % of an honest filter's points lie in the green band,"
             " their mean at 1. Below: markers used and found.",
         )
     page.figure(
-        plots.found_figure(flight, flight.found),
+        plots.found_figure(subject, tracks),
         "Markers found",
         "Blue: found in the frame. Red: not found. White: no frame.",
     )
-    found = flight.found.values
-    ids = [marker.id for marker in flight.config.markers] or list(range(found.shape[1]))
     rows = [
-        (f"marker {ids[k]}", f"{found[:, k].mean():.1%}", f"{_longest_gap_s(flight.found, k):.2f}")
-        for k in range(found.shape[1])
+        (
+            f"marker {subject.marker_ids[k]}",
+            f"{tracks.found[:, k].mean():.1%}",
+            f"{_longest_gap_s(tracks, k):.2f}",
+        )
+        for k in range(tracks.found.shape[1])
     ]
     page.table(("", "found", "longest gap, s"), rows, numbers=1)
-    if flight.latency_s is not None:
-        median, high = np.percentile(flight.latency_s.values * 1e3, [50, 95])
-        most = flight.latency_s.values.max() * 1e3
-        page.paragraph(
-            f"From exposure to fusion: median {median:.0f} ms, 95 % within {high:.0f} ms,"
-            f" longest {most:.0f} ms."
-        )
+    latency_ms = (tracks.arrival_ns - tracks.t_ns) * 1e-6
+    median, high = np.percentile(latency_ms, [50, 95])
+    page.paragraph(
+        f"From exposure to fusion: median {median:.0f} ms, 95 % within {high:.0f} ms,"
+        f" longest {latency_ms.max():.0f} ms."
+    )
 
 
-def _longest_gap_s(found: Series, marker: int) -> float:
-    """Return the longest time between two sightings, or from start or to end of the frames."""
-    seen = found.t_ns[found.values[:, marker] > 0]
-    edges = np.concatenate([found.t_ns[:1], seen, found.t_ns[-1:]])
-    step = np.median(np.diff(found.t_ns)) if len(found.t_ns) > 1 else 0
+def _longest_gap_s(tracks: TrackSeries, marker: int) -> float:
+    """Return the longest time without the marker, from the first to the last frame."""
+    found_ns = tracks.t_ns[tracks.found[:, marker]]
+    edges = np.concatenate([tracks.t_ns[:1], found_ns, tracks.t_ns[-1:]])
+    step = np.median(np.diff(tracks.t_ns)) if len(tracks.t_ns) > 1 else 0
     longest = np.diff(edges).max()
     return float(longest * 1e-9) if longest > 1.5 * step else 0.0
 
 
-def _losses(page: Page, flight: Flight) -> None:
+def _losses(page: Page, subject: Subject) -> None:
     page.heading("What was recorded, and what was lost")
     rows = [
         (topic.name, topic.note, str(topic.count),
          f"{topic.rate_hz:.2f}" if np.isfinite(topic.rate_hz) else "-", topic.lost_text)
-        for topic in flight.info.topics.values()
+        for topic in subject.info.topics.values()
     ]  # fmt: skip
     page.table(("topic", "", "records", "rate, Hz", "lost at the source"), rows, numbers=2)
     counters = [
         (source, ", ".join(f"{name} {count}" for name, count in counts.items() if count) or "-")
-        for source, counts in flight.info.counters.items()
+        for source, counts in subject.info.counters.items()
     ]
     if counters:
         page.table(("source", "counters at the end of the flight"), counters, numbers=9)
     page.heading("Events")
-    if not flight.events:
+    events = subject.flight.events
+    if not events:
         page.paragraph("None.")
         return
-    events = [
-        (f"{float(flight.seconds(event.t_ns)):.3f}", event.level, event.source, event.message)
-        for event in flight.events[:MAX_EVENTS]
+    listed = [
+        (f"{float(subject.seconds(event.t_ns)):.3f}", event.level, event.source, event.message)
+        for event in events[:MAX_EVENTS]
     ]
-    page.table(("time, s", "level", "source", "what happened"), events, numbers=9)
-    if len(flight.events) > MAX_EVENTS:
-        page.paragraph(f"And {len(flight.events) - MAX_EVENTS} more; 'avionics export' has all.")
+    page.table(("time, s", "level", "source", "what happened"), listed, numbers=9)
+    if len(events) > MAX_EVENTS:
+        page.paragraph(f"And {len(events) - MAX_EVENTS} more; 'avionics export' has all.")
 
 
-def _attached(page: Page, log: Path) -> None:
-    reader = LogReader(log)
+def _attached(page: Page, flight: Flight) -> None:
     page.heading("Attached to the log")
-    sizes = [(name, f"{len(data)}") for name, data in reader.attachments.items()]
+    sizes = [(name, f"{len(data)}") for name, data in flight.attachments.items()]
     page.table(("file", "bytes"), sizes, numbers=1)
-    text = reader.attachments.get(CONFIG_TOML, b"").decode(errors="replace")
+    text = flight.attachments.get(CONFIG_TOML, b"").decode(errors="replace")
     if text:
         page.folded("The configuration that flew (TOML)", text)

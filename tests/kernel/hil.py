@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from avionics.analysis.evaluate import SETTLE_S
+from avionics.analysis.comparison import SETTLE_S
 from avionics.recording import LogReader
 
 AVIONICS = (sys.executable, "-m", "avionics")

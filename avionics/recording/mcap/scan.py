@@ -16,6 +16,7 @@ from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
 from avionics.errors import RecordingError
+from avionics.recording.mcap.damage import Damage
 
 MAGIC = MCAP0_MAGIC
 _HEAD = struct.Struct("<BQ")
@@ -46,46 +47,16 @@ class RawMessage(NamedTuple):
 
 
 @dataclass(slots=True)
-class Damage:
-    """What a scan had to leave out.
+class Place:
+    """Where a scan is.
 
     Attributes
     ----------
-    truncated : bool
-        The file was cut or never closed.
-    damaged_chunks : int
-        Chunks whose bytes do not match their checksum.
-    skipped_bytes : int
-        Bytes between the last good record and the next one that could be found.
-    undecodable : int
-        Messages that their schema cannot decode.
-    missing_messages : int
-        Messages that a finished log's own statistics count beyond those found.
-    damaged_attachments : int
-        Attachments whose bytes do not match their checksum.
+    offset : int
+        Where the record yielded last begins in the file; for one inside a chunk, the chunk.
     """
 
-    truncated: bool = False
-    damaged_chunks: int = 0
-    skipped_bytes: int = 0
-    undecodable: int = 0
-    missing_messages: int = 0
-    damaged_attachments: int = 0
-
-    def text(self) -> str:
-        """Return it as one plain line."""
-        if self == Damage():
-            return "the log is complete and undamaged"
-        counts = {
-            "damaged chunks": self.damaged_chunks,
-            "unreadable bytes": self.skipped_bytes,
-            "messages that do not decode": self.undecodable,
-            "messages missing from the middle": self.missing_messages,
-            "damaged attachments": self.damaged_attachments,
-        }
-        said = ["cut, or never closed"] if self.truncated else []
-        said += [f"{what}: {count}" for what, count in counts.items() if count]
-        return "damage: " + "; ".join(said)
+    offset: int = 0
 
 
 def open_log(path: Path) -> BinaryIO:
@@ -119,7 +90,7 @@ def open_log(path: Path) -> BinaryIO:
     raise RecordingError(msg)
 
 
-def records(file: BinaryIO, damage: Damage) -> Iterator[RawRecord]:
+def records(file: BinaryIO, damage: Damage, place: Place | None = None) -> Iterator[RawRecord]:
     """Yield the records of the file; those of whole chunks are taken apart, indexes left out.
 
     A file that is still being written is read up to its size at the beginning.
@@ -130,11 +101,15 @@ def records(file: BinaryIO, damage: Damage) -> Iterator[RawRecord]:
         Positioned anywhere; read from behind the magic.
     damage : Damage
         Updated on the way; final when the iterator ends.
+    place : Place, optional
+        Updated on the way.
     """
+    place = Place() if place is None else place
     size = file.seek(0, 2)
     position = len(MAGIC)
     damage.truncated = True
     while True:
+        place.offset = position
         file.seek(position)
         head = file.read(min(_HEAD.size, max(0, size - position)))
         if len(head) < _HEAD.size:
@@ -160,6 +135,19 @@ def records(file: BinaryIO, damage: Damage) -> Iterator[RawRecord]:
         elif opcode not in _INDEX:
             yield RawRecord(opcode, file.read(length))
         position = behind
+
+
+def records_at(file: BinaryIO, offset: int) -> Iterator[RawRecord]:
+    """Yield again what ``records`` found at a ``Place``: one record, or those of a chunk."""
+    size = file.seek(0, 2)
+    file.seek(offset)
+    opcode, length = _HEAD.unpack(file.read(_HEAD.size))
+    if opcode != Opcode.CHUNK:
+        yield RawRecord(opcode, file.read(length))
+    elif offset + _HEAD.size + length <= size:
+        yield from _chunk_records(file.read(length), Damage())
+    else:
+        yield from _cut_chunk(file, offset, size)
 
 
 _OPCODES = set(Opcode)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.Log_pb2 import Log
+from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
 from avionics.recording.schema.encode import LEVELS
@@ -28,6 +29,8 @@ from avionics.records import (
 )
 from avionics.topics import Record
 
+_TIME_TAG = b"\x0a"
+"""Field 1, length-delimited."""
 _LEVEL_NAMES = {number: name for name, number in LEVELS.items()}
 
 
@@ -56,6 +59,22 @@ def _image(data: bytes, sequence: int, utc_offset_ns: int) -> EncodedFrame:
     t_ns = from_timestamp(message.timestamp) - utc_offset_ns
     camera = message.frame_id.removeprefix(CAMERA_FRAME)
     return EncodedFrame(t_ns, camera, sequence, message.format, message.data)
+
+
+def exposure_ns(data: bytes, utc_offset_ns: int) -> int:
+    """Return when a compressed image was exposed, without copying the picture.
+
+    Raises
+    ------
+    DecodeError
+        If the bytes are no image.
+    """
+    # Fields stand in the order of their numbers; the time is the first, and short.
+    if data[:1] == _TIME_TAG and len(data) > 1 and data[1] < 0x80:
+        timestamp = Timestamp.FromString(data[2 : 2 + data[1]])
+    else:
+        timestamp = CompressedImage.FromString(data).timestamp
+    return from_timestamp(timestamp) - utc_offset_ns
 
 
 def _tracks(data: bytes, _: int, __: int) -> MarkerTracks:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from avionics.analysis.export import export
+from avionics.analysis.flight import read_flight
 from avionics.config import Config
 from avionics.config.load import default_config_text, parse_config
 from avionics.errors import OutputExistsError, RecordingError
@@ -82,7 +83,7 @@ def read(path: Path) -> list[dict[str, str]]:
 
 
 def test_one_table_per_topic(log: Path, tmp_path: Path) -> None:
-    written = export(log, tmp_path / "out")
+    written = export(read_flight(log), tmp_path / "out")
     assert {path.name: rows for path, rows in written.items()} == {
         "imu_0.csv": ROWS,
         "imu_1.csv": ROWS,
@@ -99,7 +100,7 @@ def test_one_table_per_topic(log: Path, tmp_path: Path) -> None:
 
 
 def test_estimate_columns_are_those_of_the_contract(log: Path, tmp_path: Path) -> None:
-    export(log, tmp_path)
+    export(read_flight(log), tmp_path)
     names = ["phi_1_rad", "phi_2_rad", "theta_1_rad"]
     names += [f"bias_{pod}_{axis}_rad_s" for pod in (0, 1) for axis in "xyz"]
     names += [f"marker_{marker}_{axis}_px" for marker in range(6) for axis in "uv"]
@@ -111,7 +112,7 @@ def test_estimate_columns_are_those_of_the_contract(log: Path, tmp_path: Path) -
 
 
 def test_tracks_columns_are_those_of_the_contract(log: Path, tmp_path: Path) -> None:
-    export(log, tmp_path)
+    export(read_flight(log), tmp_path)
     rows = read(tmp_path / "tracks.csv")
     assert list(rows[0]) == ["t_ns", "frame", "marker", "u_px", "v_px", "sigma_px", "found"]
     assert [row["marker"] for row in rows[:6]] == ["0", "1", "2", "3", "4", "5"]
@@ -127,7 +128,7 @@ def test_tracks_columns_are_those_of_the_contract(log: Path, tmp_path: Path) -> 
 
 
 def test_numbers_come_back_exactly(log: Path, tmp_path: Path) -> None:
-    export(log, tmp_path)
+    export(read_flight(log), tmp_path)
     rows = read(tmp_path / "estimate_crg.csv")
     records = [i.record for i in LogReader(log).messages(["*/estimate_crg"])]
     for row, record in zip(rows, records, strict=True):
@@ -141,7 +142,7 @@ def test_numbers_come_back_exactly(log: Path, tmp_path: Path) -> None:
 
 
 def test_truth_names_its_markers_by_id(log: Path, tmp_path: Path) -> None:
-    export(log, tmp_path)
+    export(read_flight(log), tmp_path)
     assert list(read(tmp_path / "truth.csv")[0]) == [
         "t_ns",
         "marker_8_x_m",
@@ -151,14 +152,14 @@ def test_truth_names_its_markers_by_id(log: Path, tmp_path: Path) -> None:
 
 
 def test_events_keep_their_words(log: Path, tmp_path: Path) -> None:
-    export(log, tmp_path)
+    export(read_flight(log), tmp_path)
     assert read(tmp_path / "events.csv")[0]["message"] == 'silent, "again"'
 
 
 def test_parquet_holds_the_same(log: Path, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    export(log, tmp_path)
-    export(log, tmp_path, "parquet")
+    export(read_flight(log), tmp_path)
+    export(read_flight(log), tmp_path, "parquet")
     table = parquet.read_table(tmp_path / "estimate_crg.parquet")
     rows = read(tmp_path / "estimate_crg.csv")
     assert table.column_names == list(rows[0])
@@ -170,13 +171,13 @@ def test_parquet_holds_the_same(log: Path, tmp_path: Path) -> None:
 def test_existing_tables_are_refused(log: Path, tmp_path: Path) -> None:
     (tmp_path / "tracks.csv").write_text("precious")
     with pytest.raises(OutputExistsError, match="--force"):
-        export(log, tmp_path)
+        export(read_flight(log), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["tracks.csv"]
-    export(log, tmp_path, force=True)
+    export(read_flight(log), tmp_path, force=True)
     assert len(read(tmp_path / "tracks.csv")) == ROWS * 6
 
 
 def test_a_file_in_place_of_the_directory_is_a_clear_error(log: Path, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("")
     with pytest.raises(RecordingError, match="directory"):
-        export(log, tmp_path / "out")
+        export(read_flight(log), tmp_path / "out")

@@ -3,7 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from avionics.analysis.info import info_text, read_info
+from avionics.analysis.flight import read_flight
+from avionics.analysis.info import info_text, log_info
 from avionics.config import Config
 from avionics.recording import LogWriter
 from avionics.records import Event, Health, MarkerTracks
@@ -36,7 +37,7 @@ def log(tmp_path: Path) -> Path:
 
 
 def test_counts_rates_and_losses(log: Path) -> None:
-    info = read_info(log)
+    info = log_info(read_flight(log))
     imu = info.topics["/imu/0"]
     assert (imu.count, imu.lost) == (98, 3)
     assert imu.rate_hz == pytest.approx(97.0)
@@ -48,19 +49,19 @@ def test_counts_rates_and_losses(log: Path) -> None:
 
 
 def test_text_says_what_flew(log: Path) -> None:
-    text = info_text(log)
+    text = info_text(read_flight(log))
     for words in ("wing 'left'", "command: sim", "/imu/0", "config.toml", "silent", "complete"):
         assert words in text
 
 
 def test_cut_log_is_said_to_be_cut(log: Path) -> None:
     log.write_bytes(log.read_bytes()[:-300])
-    assert "cut, or never closed" in info_text(log)
-    assert read_info(log).damage.truncated
+    assert "cut, or never closed" in info_text(read_flight(log))
+    assert log_info(read_flight(log)).damage.truncated
 
 
 def test_damaged_configuration_is_said(log: Path) -> None:
     data = bytearray(log.read_bytes())
     data[data.index(b'"span_m"') + 1] ^= 1
     log.write_bytes(data)
-    assert "config.json is missing or damaged" in info_text(log)
+    assert "config.json is missing or damaged" in info_text(read_flight(log))

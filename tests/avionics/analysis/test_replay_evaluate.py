@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from avionics.analysis.evaluate import evaluate
-from avionics.analysis.history import between
+from avionics.analysis.flight import read_flight
+from avionics.analysis.interpolation import between
 from avionics.analysis.replay import replay
 from avionics.datasets.import_set import import_set
 from avionics.errors import ConfigError, RecordingError
@@ -71,7 +72,7 @@ def test_a_log_is_not_replayed_onto_itself(logs) -> None:
 
 
 def test_estimates_follow_the_motion_capture(logs) -> None:
-    figures = evaluate(logs[2]).to_json_dict()
+    figures = evaluate(read_flight(logs[2])).to_json_dict()
     assert figures["truth"] == "mocap"
     assert figures["filtered"]["eq17_px"]["median"] < 0.8
     assert figures["crg"]["eq17_px"]["p95"] < 1.5
@@ -101,7 +102,7 @@ def test_eq17_and_tip_against_their_definition(logs, tmp_path) -> None:
                 q = made.q(np.array([(record.t_ns - EPOCH_NS) * 1e-9]))[0] + (0.01, 0.0)
                 line = np.zeros((3, 3))
                 writer.write(_estimate(template, record.t_ns, q, line), message.arrival_ns)
-    figures = evaluate(log).to_json_dict()["crg"]
+    figures = evaluate(read_flight(log)).to_json_dict()["crg"]
     t_s = np.arange(6.1, 8.9, 0.01)
     camera = reader.config.camera
     from avionics.flight.filter_setup import pinhole_from_config
@@ -127,13 +128,13 @@ def _estimate(like, t_ns, q, line):
 def test_evaluation_says_what_is_missing(logs, tmp_path) -> None:
     _, imported, _ = logs
     with pytest.raises(RecordingError, match="avionics replay"):
-        evaluate(imported)
+        evaluate(read_flight(imported))
     made = make_set(tmp_path / "set", seconds=1.0)
     (made.path / "mocap.csv").unlink()
     import_set(made.path, tmp_path / "a.mcap")
     replay(tmp_path / "a.mcap", tmp_path / "b.mcap")
     with pytest.raises(RecordingError, match="no truth"):
-        evaluate(tmp_path / "b.mcap")
+        evaluate(read_flight(tmp_path / "b.mcap"))
 
 
 def test_short_log_is_told(tmp_path) -> None:
@@ -141,7 +142,7 @@ def test_short_log_is_told(tmp_path) -> None:
     import_set(made.path, tmp_path / "a.mcap")
     replay(tmp_path / "a.mcap", tmp_path / "b.mcap")
     with pytest.raises(RecordingError, match="first 6 s"):
-        evaluate(tmp_path / "b.mcap")
+        evaluate(read_flight(tmp_path / "b.mcap"))
 
 
 def test_values_between_samples() -> None:

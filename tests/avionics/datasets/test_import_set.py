@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from avionics.analysis.info import read_info
+from avionics.analysis.flight import read_flight
+from avionics.analysis.info import log_info
 from avionics.datasets.format import read_data_set
 from avionics.datasets.import_set import import_set
 from avionics.errors import DataSetError
@@ -206,6 +207,6 @@ def test_set_without_camera_comes_in_uncalibrated(made, tmp_path) -> None:
 
 def test_numbers_given_at_import_tell_no_losses(whole_set, tmp_path) -> None:
     import_set(whole_set.path, tmp_path / "a.mcap")
-    topics = read_info(tmp_path / "a.mcap").topics
+    topics = log_info(read_flight(tmp_path / "a.mcap")).topics
     assert topics["/imu/0"].lost is None
     assert topics["/camera/root/image"].lost == 0

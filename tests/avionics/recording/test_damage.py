@@ -15,7 +15,8 @@ from mcap.writer import Writer
 from avionics.config import Config
 from avionics.errors import ConfigError, RecordingError
 from avionics.recording import LogReader, LogWriter, recover
-from avionics.recording.mcap.scan import Damage, open_log, records
+from avionics.recording.mcap.damage import Damage
+from avionics.recording.mcap.scan import open_log, records
 from drivers.samples import Frame, ImuSample
 
 STEP_NS = 5_000_000

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from avionics.analysis.flight import read_flight
 from avionics.config import Config
 from avionics.config.load import default_config_text, parse_config
 from avionics.errors import OutputExistsError, RecordingError
@@ -22,8 +23,8 @@ except ModuleNotFoundError:
 pytest.importorskip("matplotlib")
 
 from avionics.report.build import write_report
-from avionics.report.data import read_flight
 from avionics.report.plots_shape import choose_instants
+from avionics.report.subject import subject_of
 
 SPAN_M, STATIONS = 1.5, 16
 LENGTH_S = 9.0
@@ -120,7 +121,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def page(log: Path) -> str:
     output = log.with_name("report.html")
-    write_report(log, output)
+    write_report(read_flight(log), output)
     return output.read_text(encoding="utf-8")
 
 
@@ -177,24 +178,26 @@ def test_names_inside_the_drawings_do_not_clash(page: str) -> None:
 
 
 def test_same_log_gives_the_same_page(log: Path, page: str, tmp_path: Path) -> None:
-    write_report(log, tmp_path / "again.html")
+    write_report(read_flight(log), tmp_path / "again.html")
     assert (tmp_path / "again.html").read_text(encoding="utf-8") == page
 
 
 def test_instants_are_the_extremes_of_the_thirds(log: Path) -> None:
-    flight = read_flight(log)
-    instants = choose_instants(flight)
+    subject = subject_of(read_flight(log))
+    instants = choose_instants(subject)
     heights = [-line_m(one.t_ns * 1e-9)[-1, 2] for one in instants]
     assert [one.label for one in instants] == ["t1", "t2", "t3", "t4"]
     assert heights[1] == pytest.approx(-0.45, abs=0.03)
     assert heights[2] == pytest.approx(0.45, abs=0.03)
     assert heights[3] == pytest.approx(-0.45, abs=0.03)
-    assert all(flight.frames_ns[one.frame_index] == one.t_ns for one in instants)
+    tracks = subject.tracks
+    exposed = dict(zip(tracks.frame_index.tolist(), tracks.t_ns.tolist(), strict=True))
+    assert all(exposed[one.frame_index] == one.t_ns for one in instants)
 
 
 def test_a_flight_without_camera_and_truth_still_has_a_report(tmp_path: Path) -> None:
     items = flight_records(with_camera=False, with_truth=False)
-    write_report(write(tmp_path / "bare.mcap", items), tmp_path / "bare.html")
+    write_report(read_flight(write(tmp_path / "bare.mcap", items)), tmp_path / "bare.html")
     text = (tmp_path / "bare.html").read_text(encoding="utf-8")
     assert "no truth" in text
     assert "Tip deflection" in text
@@ -202,24 +205,24 @@ def test_a_flight_without_camera_and_truth_still_has_a_report(tmp_path: Path) ->
 
 def test_an_import_without_estimates_still_has_a_report(tmp_path: Path) -> None:
     items = [item for item in flight_records() if not isinstance(item[1], WingShapeEstimate)]
-    write_report(write(tmp_path / "raw.mcap", items), tmp_path / "raw.html")
+    write_report(read_flight(write(tmp_path / "raw.mcap", items)), tmp_path / "raw.html")
     assert "Angular rates" in (tmp_path / "raw.html").read_text(encoding="utf-8")
 
 
 def test_a_cut_log_is_reported_as_cut(log: Path, tmp_path: Path) -> None:
     (tmp_path / "cut.mcap").write_bytes(log.read_bytes()[: log.stat().st_size // 2])
-    write_report(tmp_path / "cut.mcap", tmp_path / "cut.html")
+    write_report(read_flight(tmp_path / "cut.mcap"), tmp_path / "cut.html")
     assert "The log is not whole" in (tmp_path / "cut.html").read_text(encoding="utf-8")
 
 
 def test_an_empty_log_is_a_clear_error(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="nothing to report"):
-        write_report(write(tmp_path / "empty.mcap", []), tmp_path / "empty.html")
+        write_report(read_flight(write(tmp_path / "empty.mcap", [])), tmp_path / "empty.html")
     assert not (tmp_path / "empty.html").exists()
 
 
 def test_existing_report_is_refused(log: Path, tmp_path: Path) -> None:
     (tmp_path / "r.html").write_text("precious")
     with pytest.raises(OutputExistsError):
-        write_report(log, tmp_path / "r.html")
+        write_report(read_flight(log), tmp_path / "r.html")
     assert (tmp_path / "r.html").read_text() == "precious"
