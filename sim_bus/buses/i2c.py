@@ -11,6 +11,8 @@ from sim_bus.chip.sim_chip import ChipSilentError, SimChip
 
 BLOCK_MAX = 32
 ADDRESS_BYTES = 3
+# Nine bits at 400 kHz: a byte of a chip that does not stretch the clock.
+FAST_BYTE_NS = 22_500
 Place = tuple[int | None, int, int]
 
 
@@ -39,7 +41,8 @@ class SimI2cBus:
     faults : FaultPlan
         What goes wrong.
     byte_ns : int
-        Time of one byte, ns; 180 us is what a BNO055's clock stretching makes of it.
+        Time of one byte, ns; 180 us is what a BNO055's clock stretching makes of it. A chip that
+        does not stretch the clock takes ``FAST_BYTE_NS`` at most.
 
     Notes
     -----
@@ -71,12 +74,13 @@ class SimI2cBus:
         if wired is None:
             return [self._muxes[i2c_addr]] * length
         # The chip takes its data behind the addresses; the whole is slept in one piece.
-        taken_ns = self._clock.now_ns() + ADDRESS_BYTES * self._byte_ns
+        byte_ns = self._byte_ns_of(wired)
+        taken_ns = self._clock.now_ns() + ADDRESS_BYTES * byte_ns
         try:
             data = wired.chip.read(register, length, taken_ns)
         except ChipSilentError as error:
             raise i2c_error(errno.EREMOTEIO) from error
-        self._transfer(length + ADDRESS_BYTES)
+        self._transfer(length + ADDRESS_BYTES, byte_ns)
         if self._faults.strikes("wrong_chip", wired.target, self._clock.now_ns()):
             data = bytes(length)
         if self._faults.strikes("spike", wired.target, self._clock.now_ns()):
@@ -92,7 +96,7 @@ class SimI2cBus:
         if wired is None:
             self._muxes[i2c_addr] = data[-1] if data else register
             return
-        self._transfer(len(data) + 2)
+        self._transfer(len(data) + 2, self._byte_ns_of(wired))
         try:
             wired.chip.write(register, bytes(data), self._clock.now_ns())
         except ChipSilentError as error:
@@ -123,9 +127,13 @@ class SimI2cBus:
         """Release the bus."""
         self.is_open = False
 
-    def _transfer(self, count: int) -> None:
-        if self._byte_ns:
-            self._clock.sleep_until_ns(self._clock.now_ns() + count * self._byte_ns)
+    def _byte_ns_of(self, wired: Wired) -> int:
+        return self._byte_ns if wired.chip.stretches_clock else min(self._byte_ns, FAST_BYTE_NS)
+
+    def _transfer(self, count: int, byte_ns: int | None = None) -> None:
+        ns = count * (self._byte_ns if byte_ns is None else byte_ns)
+        if ns:
+            self._clock.sleep_until_ns(self._clock.now_ns() + ns)
 
     def _begin(self, address: int, count: int) -> Wired | None:
         """Return who answers at an address, None for a multiplexer; raise what the bus does."""

@@ -14,8 +14,11 @@ class SimChip(Protocol):
     ----------
     freeze_until_ns, zero_until_ns : int
         Until when the data registers stand still, or read zero, ns.
+    stretches_clock : bool
+        Whether the chip makes an I2C transfer take longer than its bits.
     """
 
+    stretches_clock: bool
     freeze_until_ns: int
     zero_until_ns: int
 

@@ -33,6 +33,8 @@ class SimBno055:
         Whether the power-up is over at ``power_on_ns``.
     """
 
+    stretches_clock = True
+
     def __init__(
         self,
         motion: Motion,

@@ -43,6 +43,8 @@ class SimIcm42688:
         What the host did that the data sheet forbids; such a write is lost.
     """
 
+    stretches_clock = False
+
     def __init__(
         self,
         motion: Motion,

@@ -15,8 +15,6 @@ from sim_bus.chip.sensing import ImuGrade
 from sim_bus.clock import SimClock
 from tests.drivers.wing_bench import GOOD, START, Bench, Swing
 
-I2C_BYTE_NS = 25_000  # 400 kHz; this chip does not stretch the clock
-
 
 def make_icm_bench(
     bus: str,
@@ -36,7 +34,7 @@ def make_icm_bench(
         port = SpiRegisterPort(line)
     else:
         wires = {(None, 0, 0x68): Wired(chip, "pod 0")}
-        line = SimI2cBus(clock, wires, plan, byte_ns=I2C_BYTE_NS)
+        line = SimI2cBus(clock, wires, plan)
         port = I2cRegisterPort(line, 0x68)
     device = Icm42688(port, clock, pod="0", settings=settings)
     return Bench(clock, [chip], PolledImus([device], clock, rate_hz, bus=line), plan)
