@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from avionics.config import ByCamera, FlightConfig
 from avionics.config.load import apply_overrides, parse_config
@@ -51,7 +51,7 @@ def replay(
     *,
     config: FlightConfig | None = None,
     overrides: tuple[str, ...] = (),
-    tracker: Literal["led", "csrt", "kcf"] | None = None,
+    tracker: str | None = None,
     retrack: bool = False,
     images: bool = True,
     force: bool = False,
@@ -68,7 +68,7 @@ def replay(
     overrides : tuple of str
         ``key=value`` pairs applied on top.
     tracker : str, optional
-        Another tracker than the configuration's.
+        Another tracker than the configuration's, by its name there.
     retrack : bool
         Track the images although the log holds tracks.
     images : bool

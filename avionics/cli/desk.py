@@ -57,8 +57,8 @@ def replay(
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a config key.")
     ] = None,
     tracker: Annotated[
-        Literal["led", "csrt", "kcf"] | None,
-        typer.Option("--tracker", help="Track the images again with this tracker."),
+        str | None,
+        typer.Option("--tracker", metavar="NAME", help="Track the images again, by led, kcf ..."),
     ] = None,
     *,
     retrack: Annotated[
