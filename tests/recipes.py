@@ -15,10 +15,11 @@ NEW_FILE = "/dev/null"
 
 @dataclass(frozen=True)
 class Recipe:
-    """One section: what it changes, and the tests that show that it worked."""
+    """One section: what it changes, scripts it runs, and tests that show that it worked."""
 
     name: str
     changes: dict[str, list[list[str]]]
+    scripts: list[str]
     tests: list[str]
 
     def apply(self, tree: Path) -> None:
@@ -51,7 +52,8 @@ def recipe(section: str) -> Recipe:
             raise ValueError(msg)
         changes.setdefault(path, []).extend(hunk.splitlines() for hunk in rest)
     tests = re.findall(r"`\.venv/bin/python -m pytest ([^`]+)`", section)
-    return Recipe(name, changes, [word for line in tests for word in line.split()])
+    scripts = re.findall(r"`\.venv/bin/python (\S+\.py)`", section)
+    return Recipe(name, changes, scripts, [word for line in tests for word in line.split()])
 
 
 def changed(path: str, old: list[str] | None, hunks: list[list[str]]) -> list[str]:

@@ -37,12 +37,15 @@ def tree(tmp_path_factory) -> Path:
     for recipe in RECIPES:
         recipe.apply(tree)
     compile_records(tree)
+    for script in sorted({script for recipe in RECIPES for script in recipe.scripts}):
+        run(tree, script)
     return tree
 
 
 def run(tree: Path, *command: str) -> str:
+    """Run Python in the copy and return what it printed."""
     done = subprocess.run(
-        [sys.executable, "-m", *command],
+        [sys.executable, *command],
         cwd=tree,
         env={**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
@@ -56,11 +59,14 @@ def run(tree: Path, *command: str) -> str:
 def test_all_recipes_followed_pass_the_tests_that_they_name(tree: Path) -> None:
     wanted = sorted({test for recipe in RECIPES for test in recipe.tests})
     assert all(recipe.tests for recipe in RECIPES)
-    out = run(tree, "pytest", "-q", "-p", "no:cacheprovider", "--no-header", *wanted)
-    assert " passed" in out
+    assert run(tree, "-c", "import avionics; print(avionics.__file__)").startswith(str(tree))
+    out = run(tree, "-m", "pytest", "-p", "no:cacheprovider", "-v", *wanted)
+    # Each thing added is among what the tests went through.
+    for added in ("[window]", "[topics]", "[Temperature]"):
+        assert added in out
 
 
 def test_all_recipes_followed_pass_the_linter(tree: Path) -> None:
     opened = sorted({p for r in RECIPES for p in r.changes if p.endswith(".py")})
-    run(tree, "ruff", "check", "--no-cache", *opened)
-    run(tree, "ruff", "format", "--no-cache", "--check", *opened)
+    run(tree, "-m", "ruff", "check", "--no-cache", *opened)
+    run(tree, "-m", "ruff", "format", "--no-cache", "--check", *opened)
