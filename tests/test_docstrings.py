@@ -52,9 +52,11 @@ def fields(cls: ast.ClassDef) -> set[str]:
 
 
 def differences(tree: ast.Module) -> Iterator[str]:
+    # What all classes of a module have in common may stand in the docstring of the module.
+    common = set(re.findall(r"``(\w+)``", ast.get_docstring(tree) or ""))
     for node in ast.walk(tree):
         if isinstance(node, ast.ClassDef) and (names := listed(node, "Attributes")) is not None:
-            wrong = (names - members(node)) | (fields(node) - names)
+            wrong = (names - members(node)) | (fields(node) - names - common)
             yield from (f"{node.name}: attribute {name}" for name in wrong)
         made = node
         if isinstance(node, ast.ClassDef):
