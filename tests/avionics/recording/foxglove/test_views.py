@@ -23,6 +23,7 @@ from mcap.reader import make_reader
 from scipy.spatial.transform import Rotation
 
 from avionics.config import Config
+from avionics.config.load import parse_config
 from avionics.recording import LogReader, LogWriter
 from avionics.recording.foxglove.views import FoxgloveViews
 from avionics.recording.schema.messages import from_timestamp, to_timestamp
@@ -31,12 +32,12 @@ from avionics.records import MarkerTracks, Truth, WingShapeEstimate
 UTC_OFFSET_NS = 10**18
 
 
-def estimate(t_ns: int, kind: str, u_px: float) -> WingShapeEstimate:
+def estimate(t_ns: int, kind: str, u_px: float, wing: str = "right") -> WingShapeEstimate:
     line = np.column_stack([np.zeros(4), np.linspace(0, 1.5, 4), np.full(4, t_ns * 1e-9)])
     one, pods = np.zeros(1), np.zeros((0, 3))
     pixel = np.array([[u_px, 200.0], [np.nan, np.nan]])
     return WingShapeEstimate(
-        t_ns, "right", kind, "b", one, one, one, one, one, one, pods, pods, line, np.zeros(3),
+        t_ns, wing, kind, "b", one, one, one, one, one, one, pods, pods, line, np.zeros(3),
         pixel, pixel, 0.0, np.ones(2, bool),
     )  # fmt: skip
 
@@ -236,3 +237,34 @@ def test_scene_is_the_same_as_one_made_anew(config: Config) -> None:
             size = Vector3(x=0.02, y=0.02, z=0.02)
             entity.spheres.append(SpherePrimitive(pose=pose, size=size, color=colour("truth")))
         assert serialised(message) == serialised(SceneUpdate(entities=[entity]))
+
+
+def test_wings_are_drawn_apart_and_every_camera_shows_its_own(
+    log_path: Path, config: Config
+) -> None:
+    shared = config.model_dump(exclude={"wing", "pods", "markers", "truth_markers", "camera"})
+    wings = [
+        {
+            **config.wing.model_dump(),
+            "name": name,
+            "side": name,
+            "camera": config.camera.model_copy(update={"name": f"eye {name}"}).model_dump(),
+        }
+        for name in ("left", "right")
+    ]
+    two = parse_config({"wings": wings, **shared}, origin="test")
+    pixel, found = np.full((2, 2), 50.0), np.array([True, False])
+    with LogWriter(log_path, two) as writer:
+        for wing, u_px in (("left", 100.0), ("right", 300.0)):
+            writer.write(estimate(0, "crg", u_px, wing), 0)
+        writer.write(MarkerTracks(0, "eye left", 0, pixel, np.ones(2), found), 1)
+        writer.write(MarkerTracks(0, "eye middle", 0, pixel, np.ones(2), found), 2)
+    for wing in ("left", "right"):
+        (scene,) = views(log_path, f"/wing/{wing}/scene")
+        assert [entity.id for entity in SceneUpdate.FromString(scene).entities] == ["crg"]
+    (drawn,) = views(log_path, "/camera/eye left/annotations")
+    circles = ImageAnnotations.FromString(drawn).circles
+    assert [circle.position.x for circle in circles] == [100.5]
+    assert not views(log_path, "/camera/eye middle/annotations")
+    frames = [FrameTransform.FromString(data).child_frame_id for data in views(log_path, "/tf")]
+    assert len(frames) == len(set(frames)) == 3
