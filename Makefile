@@ -29,8 +29,13 @@ demo: $(VENV)/.installed ## fly 60 s of simulated wing; write log, figures and r
 	@echo "log:    $(OUT)/demo.mcap   (open it in Foxglove, or: $(BIN)/avionics info $(OUT)/demo.mcap)"
 	@echo "report: $(OUT)/demo.html   (open it in a browser)"
 
+# One thread a worker: matrices of twenty rows gain nothing from more, and the threads wait by spinning.
+WORKERS ?= 2
+ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
+
 test: $(VENV)/.installed ## everything that needs no kernel rig
-	$(BIN)/python -m pytest
+	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "not alone"
+	$(BIN)/python -m pytest -m alone
 
 check: $(VENV)/.installed ## lint, format, import contracts and types
 	$(BIN)/ruff check .

@@ -1,6 +1,8 @@
 """Commands of the hardware-in-the-loop bench: serve a wing, start it, break it, join its truth."""
 
 import json
+import sys
+import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -12,6 +14,7 @@ from avionics.cli.faults import Control, ask_bench, numbers
 from avionics.cli.output import Force, LogArgument, claim, read_log_path
 from avionics.cli.signals import stopping
 from avionics.errors import AvionicsError
+from drivers.prompt_threads import prompt_threads
 
 if TYPE_CHECKING:
     from avionics.config import Config
@@ -70,6 +73,16 @@ def serve(
     duration: Annotated[
         float | None, typer.Option(min=0.1, metavar="S", help="End S seconds into the scenario.")
     ] = None,
+    prepare: Annotated[
+        float | None,
+        typer.Option(
+            min=0,
+            metavar="S",
+            help="Seconds of the flight to compute before it is served, and to keep for the next "
+            "time; what follows is computed as it flies, and so is all of it with 0. Default: "
+            "--duration, or the scenario's own; at most 600.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 0,
     control: Control = None,
     as_json: AsJson = False,
@@ -100,6 +113,8 @@ def serve(
     from sim_bus.bench.build import open_bench  # noqa: PLC0415
     from sim_bus.bench.control import BenchControl, ControlServer  # noqa: PLC0415
     from sim_bus.bench.places import Offer  # noqa: PLC0415
+    from sim_bus.bench.prepare import LONGEST_S  # noqa: PLC0415
+    from sim_bus.bench.prepare import prepare as prepare_flight  # noqa: PLC0415
     from sim_bus.bench.truth_log import TruthLog  # noqa: PLC0415
 
     socket = control or default_socket()
@@ -114,25 +129,52 @@ def serve(
     # last: `rig stop` sees by it that the truth is on disk.
     with (
         stopping() as stop,
+        prompt_threads(),
         ControlServer(socket) as server,
         open_bench(config, flown, options) as bench,
     ):
+        seconds = min(prepare if prepare is not None else duration or flown.duration_s, LONGEST_S)
+        if seconds > 0:
+            prepare_flight(bench, seconds, _Preparing(stop))
         if write_config is not None:
             _write(write_config, _toml(bench.config))
         with TruthLog(truth, bench, force=force) as log:
             server.answer_with(BenchControl(bench, stop, log.say))
             _announce(_description(bench, socket, truth, write_config), as_json=as_json)
+            note = _over(seconds) if seconds > 0 else None
             if not hold:
                 bench.start(lead)
             while not stop.wait(WRITE_EVERY_S):
-                bench.march_ahead()
+                bench.compute_ahead()
                 log.write_due()
                 elapsed_s = bench.elapsed_s
+                if note is not None and elapsed_s is not None and elapsed_s >= seconds:
+                    log.say(note)
+                    print(note, file=sys.stderr, flush=True)
+                    note = None
                 if duration is not None and elapsed_s is not None and elapsed_s >= duration:
                     break
     if not as_json:
         print(f"wrote {truth} ({truth.stat().st_size / 1e6:.1f} MB)")
         print(f"next: avionics rig join FLIGHT.mcap {truth} -o joined.mcap")
+
+
+def _over(seconds: float) -> str:
+    return f"the prepared {seconds:g} s are over: the wing is now computed as it flies"
+
+
+class _Preparing:
+    """Says once that a flight is being computed; a wish to end ends that too."""
+
+    def __init__(self, stop: threading.Event) -> None:
+        self._stop, self._has_begun = stop, False
+
+    def __call__(self, done_s: float, wanted_s: float) -> None:
+        if not self._has_begun:
+            self._has_begun = True
+            print(f"computing {wanted_s:g} s of flight before it is served", file=sys.stderr)
+        if self._stop.is_set():
+            raise KeyboardInterrupt
 
 
 def _write(path: Path, text: str) -> None:
@@ -161,6 +203,7 @@ def _description(bench: Any, socket: Path, truth: Path, config: Path | None) -> 
         "simulated": sorted(bench.chips),
         "camera": None if source is None else source.model_dump(mode="json"),
         "page": bench.page,
+        "prepared_s": 0.0 if bench.prepared is None else bench.prepared.end_ns * 1e-9,
         "control": str(socket),
         "truth": str(truth),
         "config": None if config is None else str(config),
@@ -186,6 +229,8 @@ def _announce(found: dict[str, Any], *, as_json: bool) -> None:
     if found["page"] is not None:
         table.add_row("page", "simulation", f"open {found['page']} full screen")
     table.add_row("control", "", escape(found["control"]))
+    if found["prepared_s"]:
+        table.add_row("flight", f"prepared, {found['prepared_s']:g} s", "then computed as it flies")
     Console().print(table)
     print("Ctrl-C ends the bench", flush=True)
 

@@ -20,6 +20,7 @@ from avionics.topics import Record, Sink
 from avionics.tracking import Tracker, make_tracker
 from drivers.errors import DriverError
 from drivers.interfaces import Reporting, Source
+from drivers.prompt_threads import prompt_threads
 from drivers.samples import Frame, ImuSample
 
 Progress = Callable[[float], None]
@@ -161,7 +162,7 @@ def run_live(
     live = _Live(rig, config, stop)
     flight = Flight(rig, config, sink)
     start_ns = rig.clock.now_ns()
-    with live.threads():
+    with prompt_threads(), live.threads():
         while not stop.is_set():
             record = live.next_record()
             now_ns = rig.clock.now_ns()

@@ -11,24 +11,27 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from avionics.config import Config
+from avionics.config import Camera, Config
+from avionics.records import Truth
 from drivers.clock import Clock
 from sim_bus.bench.camera import FrameSink
 from sim_bus.bench.places import Offer
+from sim_bus.bench.prepared import PlayedMotion, Prepared
 from sim_bus.bench.served_can import ServedCan
 from sim_bus.buses.factory import generator
 from sim_bus.buses.faults import FaultPlan
+from sim_bus.camera.sim_camera import SimCamera
 from sim_bus.chip.bno055.chip import SimBno055
 from sim_bus.rig import make_faults
 from sim_bus.wing.build import make_wing
-from sim_bus.wing.motion import PodMotion
-from sim_bus.wing.scenario import Scenario
+from sim_bus.wing.scenario import Picture, Scenario
 from sim_bus.wing.sim_wing import SimWing
 
 # Until the scenario begins, the wing rests: its time zero lies out of reach.
 NEVER_NS = 1 << 61
-# A chip computes its data a second ahead.
+# A chip computes its data a second ahead, and begins with it ``CHIP_AHEAD_NS`` before it must.
 LEAST_LEAD_S = 1.5
+CHIP_AHEAD_NS = 300_000_000
 AHEAD_NS = 2_200_000_000
 CameraOut = Literal["pipe", "v4l2", "window"]
 
@@ -75,18 +78,24 @@ class Bench:
         What the wing flies, and the seed of every random draw.
     chips : dict of str to SimBno055
         The simulated chips by pod name.
-    motions : dict of str to PodMotion
+    motions : dict of str to PlayedMotion
         What they feel, without errors.
     stations : list of ServedCan
         The CAN buses with their simulated pods.
     page : str or None
         Address of the window.
-    has_camera : bool
-        Whether a camera is served.
+    shown : Camera or None
+        The camera that is served, with the lens that its pictures have.
+    look : Picture
+        What that camera makes of the wing.
+    camera : SimCamera or None
+        It.
     pictures : FrameSink or None
         Where its frames go.
+    prepared : Prepared or None
+        What is played back instead of computed.
     wing : SimWing
-        The truth.
+        The truth where nothing is prepared.
     """
 
     config: Config
@@ -95,11 +104,14 @@ class Bench:
     scenario: Scenario
     seed: int
     chips: dict[str, SimBno055] = field(default_factory=dict)
-    motions: dict[str, PodMotion] = field(default_factory=dict)
+    motions: dict[str, PlayedMotion] = field(default_factory=dict)
     stations: list[ServedCan] = field(default_factory=list)
     page: str | None = None
-    has_camera: bool = False
+    shown: Camera | None = None
+    look: Picture = field(default_factory=Picture)
+    camera: SimCamera | None = None
     pictures: FrameSink | None = None
+    prepared: Prepared | None = None
     wing: SimWing = field(init=False)
     _closers: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
@@ -116,19 +128,57 @@ class Bench:
         return (self.clock.now_ns() - self.wing.epoch_ns) * 1e-9
 
     def start(self, lead_s: float) -> int:
-        """Let the scenario begin ``lead_s`` (at least 1.5) from now; returns its time zero, ns."""
+        """Let the scenario begin ``lead_s`` (at least 1.5) from now; returns its time zero, ns.
+
+        With a camera it begins in the middle of an exposure, up to a frame later.
+        """
         if self.wing.epoch_ns == NEVER_NS:
             lead_ns = round(max(lead_s, LEAST_LEAD_S) * 1e9)
             epoch_ns = self.clock.now_ns() + lead_ns
+            if self.camera is not None:
+                epoch_ns = self.camera.align(epoch_ns)
             plan = make_faults(self.scenario, epoch_ns, generator(self.seed, "faults"))
             self.faults.faults.extend(plan.faults)
             self.wing.epoch_ns = epoch_ns
         return self.wing.epoch_ns
 
-    def march_ahead(self) -> None:
-        """Compute the wing's motion before a chip, which looks a second ahead, needs it."""
-        if self.wing.epoch_ns != NEVER_NS:
-            self.wing.truth(self.clock.now_ns() + AHEAD_NS)
+    @property
+    def has_camera(self) -> bool:
+        """Whether a camera is served."""
+        return self.camera is not None
+
+    def make_camera(self, wing: SimWing, faults: FaultPlan, *, start_ns: int) -> SimCamera:
+        """Return the camera that is served, looking at a wing."""
+        assert self.shown is not None
+        return SimCamera(
+            self.shown, wing, self.config.markers, self.clock, look=self.look,
+            rng=generator(self.seed, "camera"), faults=faults, start_ns=start_ns,
+        )  # fmt: skip
+
+    def play(self, prepared: Prepared) -> None:
+        """Play a prepared flight back once the scenario begins; to be called before that."""
+        self.prepared = prepared
+        self.wing.go_on(prepared.tail_number, prepared.tail)
+        for name, motion in self.motions.items():
+            motion.play(prepared.motion[name])
+        if self.camera is not None and prepared.strip is not None:
+            self.camera.play(prepared.strip)
+
+    def truth(self, t_ns: int) -> Truth:
+        """Return the wing's shape at one instant: of a prepared flight, of those it has only."""
+        found = None
+        if self.prepared is not None and t_ns >= self.wing.epoch_ns:
+            found = self.prepared.truth(t_ns, self.wing.name, epoch_ns=self.wing.epoch_ns)
+        return self.wing.truth(t_ns) if found is None else found
+
+    def compute_ahead(self) -> None:
+        """Compute before anybody waits for it: what is not prepared, and the chips' next data."""
+        now_ns = self.clock.now_ns()
+        end_ns = 0 if self.prepared is None else self.prepared.end_ns
+        if now_ns + AHEAD_NS > self.wing.epoch_ns + end_ns:
+            self.wing.compute_until(now_ns + AHEAD_NS)
+        for chip in self.chips.values():
+            chip.sensing.compute_ahead(now_ns + CHIP_AHEAD_NS)
 
     def counters(self) -> dict[str, dict[str, int]]:
         """Return what the bench counted, by part."""

@@ -12,6 +12,7 @@ from sim_bus.bench.cuse_i2c import CuseI2cBus
 from sim_bus.bench.frame_server import FrameServer
 from sim_bus.bench.i2c_adapter import transfer_on
 from sim_bus.bench.places import Offer, place_pods
+from sim_bus.bench.prepared import PlayedMotion
 from sim_bus.bench.pty_uart import PtyUart
 from sim_bus.bench.served_can import ServedCan
 from sim_bus.bench.v4l2_output import V4l2Output
@@ -21,11 +22,10 @@ from sim_bus.buses.factory import generator
 from sim_bus.buses.faults import FaultPlan
 from sim_bus.buses.i2c import Place, SimI2cBus, Wired
 from sim_bus.buses.uart import SimSerialPort
-from sim_bus.camera.sim_camera import Exposure, SimCamera
+from sim_bus.camera.sim_camera import Exposure
 from sim_bus.chip.bno055.chip import SimBno055
 from sim_bus.rig import imu_grade
 from sim_bus.wing.build import make_wing
-from sim_bus.wing.motion import PodMotion
 from sim_bus.wing.scenario import Scenario
 
 
@@ -63,7 +63,6 @@ def open_bench(config: Config, scenario: Scenario, options: BenchOptions) -> Ben
         changes: dict[str, object] = {"pods": pods}
         if options.camera is not None:
             changes["camera"] = _serve_camera(bench, options)
-            bench.has_camera = True
         bench.config = config.model_copy(update=changes)
         _warm_up(bench)
     except BaseException:
@@ -76,7 +75,7 @@ def _make_chips(bench: Bench, places: dict[str, Link]) -> None:
     grade, now_ns = imu_grade(bench.scenario.imu), bench.clock.now_ns()
     for pod in bench.config.pods:
         if pod.name in places:
-            motion = PodMotion(bench.wing, pod)
+            motion = PlayedMotion(bench.wing, pod)
             rng = generator(bench.seed, f"pod {pod.name}")
             bench.motions[pod.name] = motion
             bench.chips[pod.name] = SimBno055(motion, rng, grade=grade, power_on_ns=now_ns)
@@ -164,12 +163,10 @@ def _serve_camera(bench: Bench, options: BenchOptions) -> Camera:
             shown = camera.model_copy(update=flat)
     bench.keep(sink.close)
     bench.pictures = sink
-    eye = SimCamera(
-        shown, bench.wing, bench.config.markers, bench.clock, look=look,
-        rng=generator(bench.seed, "camera"), faults=bench.faults, start_ns=bench.clock.now_ns(),
-    )  # fmt: skip
-    eye.frame(Exposure(0, bench.clock.now_ns(), 0))  # what is compiled is loaded now
-    feeder = Feeder(eye, sink, bench.clock)
+    bench.shown, bench.look = shown, look
+    bench.camera = bench.make_camera(bench.wing, bench.faults, start_ns=bench.clock.now_ns())
+    bench.camera.frame(Exposure(0, bench.clock.now_ns(), 0))  # what is compiled is loaded now
+    feeder = Feeder(bench.camera, sink, bench.clock)
     bench.keep(feeder.close)
     feeder.start()
     return camera.model_copy(update={"source": source})

@@ -66,7 +66,10 @@ class TruthLog:
         """Write what became true since the last call."""
         now_ns = self._bench.clock.now_ns()
         while self._truth_ns <= now_ns:
-            truth = self._bench.wing.truth(self._truth_ns)
+            # From the scenario's time zero on, the instants count from there.
+            if self._truth_ns - self._period_ns < self._bench.wing.epoch_ns < self._truth_ns:
+                self._truth_ns = self._bench.wing.epoch_ns
+            truth = self._bench.truth(self._truth_ns)
             self._writer.write(truth, now_ns)
             self._truth_ns += self._period_ns
         times = np.arange(self._imu_ns, now_ns, IMU_PERIOD_NS, dtype=np.int64)

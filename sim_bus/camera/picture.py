@@ -14,6 +14,7 @@ from sim_bus.wing.scenario import Picture
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
+Box = tuple[int, int, int, int]
 TILES, MARGIN = 3, 64
 SHARP_SIGMA_PX = 0.9  # of the lens itself
 HALO_SIGMAS, CORE_SIGMAS = 2.6, 4.0
@@ -94,16 +95,33 @@ class Painter:
         bars : list of ndarray, shape (2, 2)
             Ends of lit bars, px.
         """
+        lit, image = self.backdrop(gain, bars or [])
+        self._add_lights(image, lit, lights)
+        return image
+
+    def backdrop(self, gain: float, bars: list[FloatArray]) -> tuple[Image, Image]:
+        """Return the background without and with the camera's noise, before any light."""
         height, width = self._size
         rng = self._rng
         row, column, tile = rng.integers(MARGIN), rng.integers(MARGIN), rng.integers(TILES)
         lit: Image = np.asarray(cv2.convertScaleAbs(self._background, alpha=gain), dtype=np.uint8)
-        for bar in bars or []:
+        for bar in bars:
             self._add_bar(lit, bar)
         noise = self._tiles[tile, row : row + height, column : column + width]
-        image: Image = np.asarray(cv2.add(lit, noise, dtype=cv2.CV_8U), dtype=np.uint8)
-        self._add_lights(image, lit, lights)
-        return image
+        return lit, np.asarray(cv2.add(lit, noise, dtype=cv2.CV_8U), dtype=np.uint8)
+
+    def boxes(self, lights: list[Light]) -> list[Box]:
+        """Return the patches of a picture that lights reach: left, right, top, bottom, px."""
+        return [box for light in lights if (box := self._box(light)) is not None]
+
+    def _box(self, light: Light) -> Box | None:
+        height, width = self._size
+        reach = max(HALO_SIGMAS * self._look.bloom_sigma_px, CORE_SIGMAS * light.sigma_px)
+        low = np.floor(light.path_px.min(axis=0) - reach)
+        high = np.ceil(light.path_px.max(axis=0) + reach) + 1
+        left, top = np.clip(low, 0, (width, height)).astype(int).tolist()
+        right, bottom = np.clip(high, 0, (width, height)).astype(int).tolist()
+        return (left, right, top, bottom) if right > left and bottom > top else None
 
     def _add_bar(self, lit: NDArray[np.uint8], bar: FloatArray) -> None:
         height, width = self._size
@@ -123,25 +141,14 @@ class Painter:
 
     def _add_lights(self, image: Image, lit: NDArray[np.uint8], lights: list[Light]) -> None:
         """Add light in patches; those that overlap are summed before they clip."""
-        height, width = self._size
         look = self._look
-        layer: NDArray[np.float32] | None = None
-        boxes: list[tuple[int, int, int, int]] = []
-        for light in lights:
-            radius = max(HALO_SIGMAS * look.bloom_sigma_px, CORE_SIGMAS * light.sigma_px)
-            low = np.floor(light.path_px.min(axis=0) - radius)
-            high = np.ceil(light.path_px.max(axis=0) + radius) + 1
-            left, top = np.clip(low, 0, (width, height)).astype(int)
-            right, bottom = np.clip(high, 0, (width, height)).astype(int)
-            if right <= left or bottom <= top:
-                continue
-            if layer is None:
-                layer = np.zeros(self._size, dtype=np.float32)
-            layer[top:bottom, left:right] += self._spot(light, left, right, top, bottom)
-            boxes.append((left, right, top, bottom))
-        if layer is None:
+        reached = [(light, box) for light in lights if (box := self._box(light)) is not None]
+        if not reached:
             return
-        for left, right, top, bottom in boxes:
+        layer = np.zeros(self._size, dtype=np.float32)
+        for light, (left, right, top, bottom) in reached:
+            layer[top:bottom, left:right] += self._spot(light, left, right, top, bottom)
+        for _, (left, right, top, bottom) in reached:
             part = np.s_[top:bottom, left:right]
             signal = lit[part] + layer[part]
             noise = self._rng.standard_normal(signal.shape, dtype=np.float32)

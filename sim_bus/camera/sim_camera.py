@@ -12,14 +12,18 @@ from drivers.samples import Frame
 from sim_bus.buses.faults import FaultPlan
 from sim_bus.camera.lens import project
 from sim_bus.camera.picture import SHARP_SIGMA_PX, Image, Light, Painter
+from sim_bus.camera.strip import Still, Strip
 from sim_bus.wing.scenario import FalseLight, Picture
 from sim_bus.wing.sim_wing import SimWing
 
 FloatArray = NDArray[np.float64]
 TARGET = "camera"
+# Faults that change a picture's content: a prepared one is painted again while one is on.
+PAINTED_FAULTS = ("marker_hidden", "false_light", "illumination")
 # A point moves on a line within one exposure to a few hundredths of a pixel.
 SUBSTEPS = 5
 SPARE_NS = 1_000_000
+NEVER = 1 << 62
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,10 +91,30 @@ class SimCamera:
         self._grade = 1 + 0.15 * rng.uniform(-1, 1, len(markers))
         self._flicker = rng.uniform(0, 2 * np.pi, 3)
         self._bars = _neighbours(markers) if look.lit_bar > 0 else []
+        self._strip: Strip | None = None
+        self._first = NEVER
         self._exposures = self._expose()
         self._next, self._is_lost = next(self._exposures)
         self._frozen: Image | None = None
         self._is_open = True
+
+    def still(self, number: int) -> Still:
+        """Return the picture of frame ``number`` after the wing's time zero, taken apart."""
+        jitter_ns = round(self._rng.standard_normal() * self._look.jitter_s * 1e9)
+        t_ns = self._wing.epoch_ns + round(number / self._camera.fps * 1e9) + jitter_ns
+        paths, depth = self._paths(t_ns)
+        image = self._paint(t_ns, paths, depth)
+        boxes = self._painter.boxes(self._lights(t_ns, paths, depth))
+        return Still(jitter_ns, paths, depth, boxes, [image[t:b, a:z] for a, z, t, b in boxes])
+
+    def play(self, strip: Strip) -> None:
+        """From the wing's time zero on, show these pictures; after the last one, paint again."""
+        self._strip = strip
+
+    def align(self, t_ns: int) -> int:
+        """Return the next middle of an exposure from a time on: that frame is the strip's first."""
+        self._first = int(np.ceil((t_ns - self._start_ns) * 1e-9 * self._camera.fps))
+        return self._start_ns + round(self._first / self._camera.fps * 1e9)
 
     @property
     def marker_ids(self) -> tuple[int, ...]:
@@ -122,7 +146,7 @@ class SimCamera:
         stamp_ns = exposure.t_ns + round(self._look.time_offset_s * 1e9)
         is_frozen = self._faults.active("camera_freeze", self._target, exposure.t_ns) is not None
         if not (is_frozen and self._frozen is not None):
-            self._frozen = self._paint(exposure.t_ns)
+            self._frozen = self._picture(exposure)
         return Frame(stamp_ns, self._camera.name, exposure.index, self._frozen)
 
     def take_exposures(self, until_ns: int) -> Iterator[Exposure]:
@@ -176,7 +200,7 @@ class SimCamera:
             jitter_s, delay, dropped = (
                 rng.standard_normal() * look.jitter_s, rng.exponential(), rng.random()
             )  # fmt: skip
-            t_ns = self._start_ns + round((index / self._camera.fps + jitter_s) * 1e9)
+            t_ns = self._instant_ns(index, jitter_s)
             delay_s = min(least_s + (look.delay_mean_s - least_s) * delay, most_s)
             late = self._faults.active("camera_late", self._target, t_ns)
             if late is not None and self._faults.strikes("camera_late", self._target, t_ns):
@@ -191,6 +215,13 @@ class SimCamera:
                 continue
             last_ns = max(t_ns + round(delay_s * 1e9), last_ns + SPARE_NS)
             yield Exposure(index, t_ns, last_ns), False
+
+    def _instant_ns(self, index: int, jitter_s: float) -> int:
+        """Return the middle of an exposure; a prepared picture's is what it was made for."""
+        number = index - self._first
+        if self._strip is not None and 0 <= number < self._strip.count:
+            jitter_s = int(self._strip.jitter_ns[number]) * 1e-9
+        return self._start_ns + round((index / self._camera.fps + jitter_s) * 1e9)
 
     def _paths(self, t_ns: int) -> tuple[FloatArray, FloatArray]:
         """Return the LEDs' pixels at even instants of the exposure (n, K, 2), and depths (K,)."""
@@ -213,8 +244,28 @@ class SimCamera:
             pixel = np.concatenate(columns, axis=1)
         return pixel, depth[SUBSTEPS // 2]
 
-    def _paint(self, t_ns: int) -> Image:
-        paths, depth = self._paths(t_ns)
+    def _picture(self, exposure: Exposure) -> Image:
+        number = exposure.index - self._first
+        if self._strip is None or not 0 <= number < self._strip.count:
+            return self._paint(exposure.t_ns, *self._paths(exposure.t_ns))
+        paths, depth = self._strip.paths_px[number], self._strip.depth_m[number]
+        if any(self._faults.active(kind, TARGET, exposure.t_ns) for kind in PAINTED_FAULTS):
+            return self._paint(exposure.t_ns, paths, depth)
+        return self._strip.develop(number, self._backdrop(exposure.t_ns, paths))
+
+    def _backdrop(self, t_ns: int, paths: FloatArray) -> Image:
+        gain = self._gain(t_ns, (t_ns - self._wing.epoch_ns) * 1e-9)
+        return self._painter.backdrop(gain, self._bar_ends(paths))[1]
+
+    def _bar_ends(self, paths: FloatArray) -> list[FloatArray]:
+        return [paths[SUBSTEPS // 2][[a, b]] for a, b in self._bars]
+
+    def _paint(self, t_ns: int, paths: FloatArray, depth: FloatArray) -> Image:
+        gain = self._gain(t_ns, (t_ns - self._wing.epoch_ns) * 1e-9)
+        lights = self._lights(t_ns, paths, depth)
+        return self._painter.paint(lights, gain=gain, bars=self._bar_ends(paths))
+
+    def _lights(self, t_ns: int, paths: FloatArray, depth: FloatArray) -> list[Light]:
         hidden = self._hidden(t_ns)
         lights = [
             self._led(paths[:, k], float(depth[k]), self._grade[k])
@@ -227,8 +278,7 @@ class SimCamera:
         if fault is not None:
             middle = np.array([[self._camera.c_x_px, self._camera.c_y_px]])
             lights.append(Light(middle, self._look.led_peak * fault.value, 2.0))
-        bars = [paths[SUBSTEPS // 2][[a, b]] for a, b in self._bars]
-        return self._painter.paint(lights, gain=self._gain(t_ns, t_s), bars=bars)
+        return lights
 
     def _led(self, path: FloatArray, depth_m: float, grade: float) -> Light:
         sigma = float(np.hypot(SHARP_SIGMA_PX, self._look.led_sigma_px / max(depth_m, 0.1)))

@@ -4,6 +4,7 @@ Low-pass filters, noise, zero-rate offset that drifts and warms, scale error and
 in physical units; counts and registers are the chip's.
 """
 
+import threading
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Protocol
@@ -13,6 +14,8 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
 FloatArray = NDArray[np.float64]
+# First latch; rate, force and flux of each.
+_Block = tuple[int, FloatArray, FloatArray, FloatArray]
 SETTLE_S, FINEST_STEP_S = 0.1, 1e-3
 WARM_UP_S, WARM_UP_K = 300.0, 8.0
 
@@ -147,7 +150,9 @@ class Sensing:
         self._gyro_hz, self._acc_hz, self._data_hz = 32.0, 62.5, 100.0
         self._orders: tuple[int, int] = (2, 2)
         self._delay_s: float | None = None
-        self._block: tuple[int, FloatArray, FloatArray, FloatArray] | None = None
+        self._block: _Block | None = None
+        self._next: _Block | None = None
+        self._lock = threading.Lock()
         self._filters: tuple[int, FloatArray, FloatArray] | None = None
         self._walk_rad_s, self._walk_index = np.zeros(3), 0
         self.ambient_c = 24.0
@@ -176,12 +181,14 @@ class Sensing:
             of it is the same at all frequencies. The low-pass alone if absent.
         """
         wanted = (gyro_hz, acc_hz, data_hz, orders, delay_s)
-        if wanted != (
+        if wanted == (
             self._gyro_hz, self._acc_hz, self._data_hz, self._orders, self._delay_s,
         ):  # fmt: skip
+            return
+        with self._lock:
             self._gyro_hz, self._acc_hz, self._data_hz = gyro_hz, acc_hz, data_hz
             self._orders, self._delay_s = orders, delay_s
-            self._block = self._filters = None
+            self._block = self._next = self._filters = None
             self._walk_index = 0
 
     @property
@@ -202,13 +209,32 @@ class Sensing:
 
     def latch(self, index: int) -> Latch:
         """Return the data of one latch."""
-        first = self._block[0] if self._block is not None else -1
-        if self._block is None or not first <= index < first + self._per_block:
-            self._make_block(index)
-        assert self._block is not None
-        first, rate, force, flux = self._block
+        block = self._block
+        if block is None or not self._has(block, index):
+            with self._lock:
+                ahead, self._next = self._next, None
+                is_there = ahead is not None and self._has(ahead, index)
+                block = ahead if ahead is not None and is_there else self._make_block(index)
+                self._block = block
+        first, rate, force, flux = block
         row, t_ns = index - first, self.latch_time_ns(index)
         return Latch(index, t_ns, rate[row], force[row], flux[row], self._temperature_c(t_ns))
+
+    def compute_ahead(self, t_ns: int) -> None:
+        """Make the block of an instant soon to come, so that its reader does not wait for it.
+
+        For a live chip, from another thread than its reader's. The block begins where the last one
+        ended, also if the reader were to leave that latch out.
+        """
+        index, block = self.latch_index(t_ns), self._block
+        if block is None or self._next is not None or index < block[0] + self._per_block:
+            return
+        with self._lock:
+            if self._block is block and self._next is None:
+                self._next = self._make_block(block[0] + self._per_block)
+
+    def _has(self, block: _Block, index: int) -> bool:
+        return block[0] <= index < block[0] + self._per_block
 
     def _temperature_c(self, t_ns: float) -> float:
         age_s = (t_ns - self._power_on_ns) * 1e-9
@@ -218,7 +244,7 @@ class Sensing:
         finest_s = FINEST_STEP_S / (2 if max(self._gyro_hz, self._acc_hz) > 150 else 1)
         return int(np.ceil(1 / (self._data_hz * finest_s)))
 
-    def _make_block(self, index: int) -> None:
+    def _make_block(self, index: int) -> _Block:
         """Sample and filter one block; the filters go on where the last block ended."""
         errors, n_sub = self._errors, self._substeps()
         step_s = self._period_ns * 1e-9 / n_sub
@@ -238,7 +264,7 @@ class Sensing:
         at_latch = slice(settle * n_sub + n_sub - 1, None, n_sub)
         flux = flux[at_latch] + errors.mag_offset_t
         flux = flux + errors.grade.mag_noise_t * self._rng.standard_normal(flux.shape)
-        self._block = (
+        return (
             index,
             rate[at_latch] + self._offset_rad_s(index),
             force[at_latch] + errors.acc_offset_m_s2,

@@ -39,6 +39,12 @@ class PodMotion:
             field @ to_sensor,
         )
 
+    def attitudes(self, t_ns: NDArray[np.int64]) -> FloatArray:
+        """Return the direction cosine matrices, north-east-down to sensor, shape (n, 3, 3)."""
+        body_from_local = self._wing.stations(t_ns, self._s_m).D_body_from_local[:, 0]
+        local_from_earth = body_from_local.transpose(0, 2, 1) @ self._wing.body_from_earth(t_ns)
+        return np.asarray(self._sensor_from_local @ local_from_earth)
+
     def attitude(self, t_ns: int) -> FloatArray:
         """Return the direction cosine matrix, north-east-down to sensor."""
         at = np.array([t_ns], dtype=np.int64)

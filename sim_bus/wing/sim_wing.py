@@ -149,6 +149,29 @@ class SimWing:
         if self._end * BLOCK_S > self._keep_s:
             self._blocks.pop(self._end - 1 - round(self._keep_s / BLOCK_S), None)
 
+    def compute_until(self, t_ns: int) -> None:
+        """Compute the motion up to an instant, so that nobody who asks for it has to wait."""
+        self._block(int(np.floor((t_ns - self.epoch_ns) * 1e-9 / BLOCK_S)))
+
+    def last_blocks(self) -> tuple[int, FloatArray]:
+        """Return the number of the last block but one, and the states of both, for ``go_on``."""
+        numbers = (self._end - 2, self._end - 1)
+        return numbers[0], np.stack([self._block(number) for number in numbers])
+
+    def go_on(self, number: int, states: FloatArray) -> None:
+        """Continue where another wing of the same flight stopped; what was before is forgotten.
+
+        Parameters
+        ----------
+        number : int
+        states : ndarray, shape (2, 3, rows + 1, N, 4)
+            As ``last_blocks`` of that wing returned them.
+        """
+        with self._lock:
+            self._blocks = {number: states[0], number + 1: states[1]}
+            self._end = number + 2
+            self._state = np.ascontiguousarray(states[1][:, -1])
+
     def _block(self, number: int) -> FloatArray:
         """Return the states of one block of ``BLOCK_S``; a negative number is rest."""
         if number < 0:

@@ -28,6 +28,7 @@ from sim_bus.buses.uart import SimSerialPort
 from tests.drivers import genuine
 from tests.drivers.fault_matrix import CASES, Case
 
+pytestmark = pytest.mark.alone
 Z_RAD_S = -0.3
 
 

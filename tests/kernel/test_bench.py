@@ -201,7 +201,8 @@ def test_switch_that_would_do_nothing_is_refused(control: Path, more, words: str
 
 
 def test_unknown_marker_is_refused_with_those_that_are_served(bench: Bench, control: Path) -> None:
-    bench.has_camera = True
+    bench.shown = bench.config.camera
+    bench.camera = bench.make_camera(bench.wing, bench.faults, start_ns=0)
     with pytest.raises(RefusedError, match="no marker 77; served are 0, 1"):
         fault(control, True, "marker_hidden", "camera", markers=[1, 77])
     fault(control, True, "marker_hidden", "camera", markers=[1])

@@ -66,6 +66,7 @@ def judge(
     pytest.fail(report)
 
 
+@pytest.mark.alone
 def test_flight_over_simbus_pty_and_frame_socket(tmp_path: Path, record_property) -> None:
     with CpuWatch(2) as cpu:
         bench = hil.serve(
