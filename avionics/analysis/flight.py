@@ -296,7 +296,8 @@ def read_flight(path: str | PathLike[str], topics: Collection[str] | None = None
 
     Notes
     -----
-    A record costs the bytes of its numbers and no more: 48 for a sample of a gyro alone, about
-    700 for an estimate; a picture costs 40, whatever its size.
+    A record costs the bytes of its numbers, and an eighth more at most: 56 bytes for a sample of a
+    gyro alone, 1.1 kB for an estimate of seven modes, two pods, 21 points and six markers, 40 bytes
+    for a picture of any size. Events and names are kept as they are.
     """
     return Flight(Path(path), topics)

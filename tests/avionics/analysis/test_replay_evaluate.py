@@ -5,7 +5,6 @@ import pytest
 
 from avionics.analysis.evaluate import evaluate
 from avionics.analysis.flight import read_flight
-from avionics.analysis.interpolation import between
 from avionics.analysis.replay import replay
 from avionics.datasets.import_set import import_set
 from avionics.errors import ConfigError, RecordingError
@@ -143,13 +142,3 @@ def test_short_log_is_told(tmp_path) -> None:
     replay(tmp_path / "a.mcap", tmp_path / "b.mcap")
     with pytest.raises(RecordingError, match="first 6 s"):
         evaluate(read_flight(tmp_path / "b.mcap"))
-
-
-def test_values_between_samples() -> None:
-    t_ns = np.arange(0, 1_000_000_000, 20_000_000)
-    values = np.sin(t_ns * 1e-9 * 6)[:, None]
-    values[20:23] = np.nan
-    wanted = np.array([105_000_000, 415_000_000, 2_000_000_000])
-    found = between(t_ns, values, wanted)
-    assert found[0, 0] == pytest.approx(np.sin(0.105 * 6), abs=1e-6)
-    assert np.isnan(found[1:, 0]).all()
