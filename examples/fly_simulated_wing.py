@@ -6,9 +6,9 @@
 import argparse
 from pathlib import Path
 
+from avionics import read_flight, run_lockstep
 from avionics.analysis.evaluate import evaluate
 from avionics.config.load import default_config_text, parse_config_text
-from avionics.flight.runner import run_lockstep
 from avionics.recording import LogWriter
 from sim_bus.rig import open_sim_rig
 from sim_bus.wing.scenario import load_scenario
@@ -33,7 +33,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=20.0)
     options = parser.parse_args(arguments)
     fly(options.path, seconds=options.seconds)
-    for kind, score in evaluate(options.path).kinds.items():
+    for kind, score in evaluate(read_flight(options.path)).kinds.items():
         median_px = score.eq17_px["median"] if score.eq17_px else float("nan")
         print(f"{kind:10} markers {median_px:6.2f} px, tip {score.tip_mm['rmse']:6.2f} mm RMS")
 

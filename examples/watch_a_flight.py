@@ -8,8 +8,8 @@ gets every record once, in order: samples, frames, tracks, estimates, health, ev
 
 import argparse
 
+from avionics import run_lockstep
 from avionics.config.load import default_config_text, parse_config_text
-from avionics.flight.runner import run_lockstep
 from avionics.records import Event, WingShapeEstimate
 from avionics.topics import Record
 from sim_bus.rig import open_sim_rig
