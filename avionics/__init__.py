@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from avionics.analysis.flight import Flight, read_flight
     from avionics.config import Config
     from avionics.config.load import load_config
-    from avionics.flight.assemble import open_rig
+    from avionics.flight.hardware import open_rig
     from avionics.flight.runner import run_live, run_lockstep
     from avionics.recording import LogReader
 
@@ -42,7 +42,7 @@ _PLACES: Final = {
     "Flight": "avionics.analysis.flight",
     "LogReader": "avionics.recording",
     "load_config": "avionics.config.load",
-    "open_rig": "avionics.flight.assemble",
+    "open_rig": "avionics.flight.hardware",
     "read_flight": "avionics.analysis.flight",
     "run_live": "avionics.flight.runner",
     "run_lockstep": "avionics.flight.runner",

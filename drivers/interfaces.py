@@ -200,3 +200,21 @@ class Reporting(Protocol):
     def take_events(self) -> list[Event]:
         """Return what happened since the last call, oldest first."""
         ...
+
+
+class ImuSource(Source[ImuSample], Reporting, Protocol):
+    """The IMUs of one bus: they are brought up before the first sample, and say who they are."""
+
+    def open(self) -> None:
+        """Bring every IMU up and wait for it.
+
+        Raises
+        ------
+        DriverError
+            If one is missing, is another one, or does not take its settings.
+        """
+        ...
+
+    def chip_ids(self) -> dict[str, bytes]:
+        """Return the unique id of each chip by what messages call the IMU; empty if unknown."""
+        ...

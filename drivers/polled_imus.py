@@ -11,7 +11,14 @@ from dataclasses import dataclass, field
 from drivers.clock import Clock
 from drivers.errors import BusError, DriverError, FrameFormatError
 from drivers.events import Event, EventList, Level
-from drivers.interfaces import ChipFault, I2cBus, ImuChip, SerialPort, StoresCalibration
+from drivers.interfaces import (
+    ChipFault,
+    I2cBus,
+    ImuChip,
+    SerialPort,
+    SpiDevice,
+    StoresCalibration,
+)
 from drivers.reopening import Reopening
 from drivers.samples import ImuSample
 
@@ -45,7 +52,7 @@ class PolledImus:
         The steady clock; the poll keeps to absolute deadlines on it.
     rate_hz : float
         Samples of each chip a second.
-    bus : I2cBus, SerialPort or None
+    bus : I2cBus, SpiDevice, SerialPort or None
         What to close in the end.
     name : str
         What the run calls the source.
@@ -61,7 +68,7 @@ class PolledImus:
         clock: Clock,
         rate_hz: float = 100.0,
         *,
-        bus: I2cBus | SerialPort | None = None,
+        bus: I2cBus | SpiDevice | SerialPort | None = None,
         name: str = "imus",
     ) -> None:
         self.name = name
@@ -125,6 +132,10 @@ class PolledImus:
         if isinstance(self._bus, Reopening):
             shared["bus_reopened"] = self._bus.reopened
         return {s.chip.name: {**shared, **s.chip.counters, **s.counters} for s in self._stations}
+
+    def chip_ids(self) -> dict[str, bytes]:
+        """Return the unique ids of the chips that are up, by ``pod 1`` and so on."""
+        return {s.chip.name: s.chip.uid for s in self._stations}
 
     def take_events(self) -> list[Event]:
         """Return what happened since the last call."""
@@ -220,7 +231,6 @@ class PolledImus:
             station.wake_ns = next(station.bring_up)
         except StopIteration:
             self._is_up(station)
-            self._event(station, "info", "is up")
         except DriverError as error:
             station.counters["bring_up_failed"] += 1
             if not station.is_lost:
@@ -235,6 +245,8 @@ class PolledImus:
         # Staggered: two checks in one tick would make the next one late.
         stagger_ns = self._stations.index(station) * 2 * self._period_ns
         station.check_ns = self._clock.now_ns() + CHECK_PERIOD_NS + stagger_ns
+        uid = station.chip.uid
+        self._event(station, "info", f"is up; chip {uid.hex()}" if uid else "is up")
 
     def _event(self, station: _Station, level: Level, message: str) -> None:
         self._events.add(self._clock.now_ns(), station.chip.name, level, message)

@@ -5,25 +5,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from avionics.config import FlightConfig
+from avionics.config import Camera, FlightConfig
+from avionics.config.chips import Bno055Settings, Chip
+from avionics.config.link_checks import check_links
 from avionics.config.links import I2cLink
+from avionics.flight.assemble import Mount, assemble, mounts_of
 from avionics.flight.rig import Rig
 from avionics.records import Truth
 from drivers.clock import Clock
 from sim_bus.buses.can_pod import SimPod
-from sim_bus.buses.factory import (
-    Opener,
-    Parts,
-    can_sources,
-    generator,
-    i2c_sources,
-    root_source,
-    uart_sources,
-)
+from sim_bus.buses.factory import DrawnPods, SimBuses, generator
 from sim_bus.buses.faults import Fault, FaultPlan, seconds_to_ns
 from sim_bus.camera.sim_camera import SimCamera
-from sim_bus.chip.bno055.chip import SimBno055
-from sim_bus.chip.sensing import ImuGrade
+from sim_bus.chip.kinds import make_sim_chip
+from sim_bus.chip.sensing import ImuGrade, Motion
+from sim_bus.chip.sim_chip import SimChip
 from sim_bus.clock import SimClock
 from sim_bus.realtime import PacedClock
 from sim_bus.wing.build import make_wing
@@ -34,6 +30,7 @@ from sim_bus.wing.sim_wing import SimWing
 # Chips and pods boot, drivers open and pod clocks are learnt while the wing rests.
 EPOCH_NS = 5_000_000_000
 WARM_UP_STEP_NS = 1_000_000
+ROOT_BUS = 99
 
 
 class SimTruth:
@@ -75,7 +72,7 @@ class SimRig(Rig):
         The truth behind it, one wing or several.
     faults : FaultPlan
         What goes wrong; faults can be switched on while it flies.
-    chips : dict of str to SimBno055
+    chips : dict of str to SimChip
         The chip of every pod, by its identifier; "root" is the root's own.
     pods : list of SimPod
         The pods on CAN.
@@ -83,7 +80,7 @@ class SimRig(Rig):
 
     wings: tuple[SimWing, ...] = field(kw_only=True)
     faults: FaultPlan = field(kw_only=True)
-    chips: dict[str, SimBno055] = field(default_factory=dict)
+    chips: dict[str, SimChip] = field(default_factory=dict)
     pods: list[SimPod] = field(default_factory=list)
 
     @property
@@ -163,7 +160,7 @@ def open_sim_rig(
     Raises
     ------
     ConfigError
-        If two pods share one address.
+        If a pod without a link meets one that has.
     DriverError
         If a simulated chip does not come up, or a CAN pod has no C compiler to be built with.
     """
@@ -183,15 +180,6 @@ def open_sim_rig(
     try:
         _open(rig, clock, config, scenario, seed)
         _warm_up(rig, clock)
-        for each, wing in zip(config.wing_configs, wings, strict=True):
-            if each.camera is not None:
-                target = part_name("camera", each.camera.name, config)
-                camera = SimCamera(
-                    each.camera, wing, each.markers, clock, look=scenario.picture,
-                    rng=generator(seed, target), faults=faults, target=target,
-                    start_ns=wing.epoch_ns + round(0.5e9 / each.camera.fps),
-                )  # fmt: skip
-                rig.cameras.append(camera)
         rig.truth = SimTruth(wings, clock, scenario.truth_hz)
     except BaseException:
         rig.close()
@@ -202,36 +190,37 @@ def open_sim_rig(
 def _open(
     rig: SimRig, clock: SimClock | PacedClock, config: FlightConfig, scenario: Scenario, seed: int
 ) -> None:
+    """Wire the chips as the links say and open the rig as it is opened on hardware."""
     grade, now_ns = imu_grade(scenario.imu), clock.now_ns()
-    for wing, each in zip(rig.wings, config.wing_configs, strict=True):
-        for pod in each.pods:
-            rng = generator(seed, f"pod {pod.name}")
-            rig.chips[pod.name] = SimBno055(
-                PodMotion(wing, pod), rng, grade=grade, power_on_ns=now_ns, is_booted=False
-            )
-    links = {pod.name: pod.link or I2cLink(bus=100 + pod.id) for pod in config.pods}
-    openers: list[Opener] = []
-    parts = Parts(clock, rig.faults, rig.chips, rig.pods)
+    flown = list(zip(rig.wings, config.wing_configs, strict=True))
+
+    def chip_of(chip: Chip, motion: Motion, name: str) -> SimChip:
+        rng = generator(seed, name)
+        return make_sim_chip(chip, motion, rng, grade=grade, power_on_ns=now_ns)
+
+    def open_camera(camera: Camera) -> SimCamera:
+        wing, each = next(pair for pair in flown if pair[1].camera == camera)
+        target = part_name("camera", camera.name, config)
+        return SimCamera(
+            camera, wing, each.markers, clock, look=scenario.picture,
+            rng=generator(seed, target), faults=rig.faults, target=target,
+            start_ns=wing.epoch_ns + round(0.5e9 / camera.fps),
+        )  # fmt: skip
+
     byte_ns = round(scenario.imu.i2c_byte_us * 1e3)
+    buses = SimBuses(clock, rig.faults, rig.chips, byte_ns, open_camera=open_camera, pods=rig.pods)
+    for wing, each in flown:
+        for pod in each.pods:
+            rig.chips[pod.name] = chip_of(pod.chip, PodMotion(wing, pod), f"pod {pod.name}")
+    mounts, root = mounts_of(config.pods, buses), None
     if scenario.root:  # a root that moves has an IMU of its own
-        rng = generator(seed, "root")
-        rig.chips["root"] = SimBno055(
-            RootSensor(rig.wing), rng, grade=grade, power_on_ns=now_ns, is_booted=False
-        )
-        source, opener = root_source(parts, rig.chips["root"], byte_ns=byte_ns)
-        rig.imus.append(source)
-        openers.append(opener)
-    for source, opener in (
-        *i2c_sources(parts, config, links, byte_ns=byte_ns),
-        *uart_sources(parts, config, links),
-        *can_sources(parts, config, links, scenario.imu, seed),
-    ):
-        rig.imus.append(source)
-        openers.append(opener)
-    for sim_pod in rig.pods:
-        clock.on_advance(sim_pod.step)
-    for opener in openers:
-        opener()
+        root = Mount("root", I2cLink(bus=ROOT_BUS), Bno055Settings())
+        rig.chips["root"] = chip_of(root.chip, RootSensor(rig.wing), "root")
+        mounts.append(root)
+    check_links(mounts)
+    buses.wire(mounts, DrawnPods(clock, rig.faults, rig.chips, scenario.imu, seed))
+    opened = assemble(config, buses, clock, root=root)
+    rig.imus, rig.cameras = opened.imus, opened.cameras
 
 
 def _warm_up(rig: SimRig, clock: SimClock | PacedClock) -> None:

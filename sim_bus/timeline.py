@@ -79,6 +79,10 @@ class ParallelImus:
         """Return the counters by source."""
         return self._source.health()
 
+    def chip_ids(self) -> dict[str, bytes]:
+        """Return the unique ids of the chips that are up."""
+        return self._source.chip_ids()
+
     def take_events(self) -> list[Event]:
         """Return what happened since the last call."""
         return self._source.take_events()

@@ -120,7 +120,8 @@ def _configuration(
     pairs = (*overrides, *((f"tracker.name={tracker}",) if tracker else ()))
     if not pairs:
         return config
-    return parse_config(apply_overrides(config.model_dump(mode="json"), pairs), origin="--set")
+    tables = apply_overrides(config.model_dump(mode="json"), pairs)
+    return parse_config(tables, origin="--set", is_flown=True)
 
 
 class _Replay:

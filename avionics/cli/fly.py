@@ -49,7 +49,7 @@ def run(
     stamp = datetime.now(tz=timezone.utc).strftime("%Y%m%d-%H%M%SZ")
     path = claim(output or Path(f"flight-{stamp}.mcap"), force=force)
 
-    from avionics.flight.assemble import open_rig  # noqa: PLC0415 (after what may be refused)
+    from avionics.flight.hardware import open_rig  # noqa: PLC0415 (after what may be refused)
     from avionics.flight.runner import run_live  # noqa: PLC0415
     from avionics.recording import Recorder  # noqa: PLC0415
 
@@ -148,16 +148,15 @@ def doctor(config_path: ConfigArgument) -> None:
 
     Example: avionics doctor wing.toml
     """
-    from avionics.config import one_wing  # noqa: PLC0415 (start-up)
     from avionics.config.load import load_config  # noqa: PLC0415 (start-up)
 
-    config = one_wing(load_config(config_path), "doctor")
+    config = load_config(config_path)
 
     from rich.console import Console  # noqa: PLC0415 (after what may be refused)
     from rich.markup import escape  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
 
-    from avionics.flight.assemble import probe  # noqa: PLC0415
+    from avionics.flight.doctor import probe  # noqa: PLC0415
 
     findings = probe(config)
     table = Table(box=None, pad_edge=False)

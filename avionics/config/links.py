@@ -29,6 +29,17 @@ class I2cLink(Section):
     mux_channel: int = Field(default=0, ge=0, le=7)
     """Channel of the multiplexer."""
 
+    @model_validator(mode="after")
+    def _channel_has_a_multiplexer(self) -> "I2cLink":
+        # A stored configuration names both keys, absent ones as null.
+        if "mux_channel" in self.model_fields_set and "mux_address" not in self.model_fields_set:
+            msg = (
+                f"mux_channel = {self.mux_channel} without mux_address; add mux_address = 0x70 (to "
+                "0x77, as its pins say), or leave mux_channel out"
+            )
+            raise ValueError(msg)
+        return self
+
 
 class UartLink(Section):
     """A BNO055 on a serial port."""

@@ -19,8 +19,17 @@ else:
 Tables = dict[str, Any]
 
 
-def parse_config(tables: dict[str, Any], *, origin: str) -> FlightConfig:
+def parse_config(tables: dict[str, Any], *, origin: str, is_flown: bool = False) -> FlightConfig:
     """Validate nested tables, as a TOML file or a log's attachment holds them.
+
+    Parameters
+    ----------
+    tables : dict
+        The tables.
+    origin : str
+        What messages call where they come from.
+    is_flown : bool
+        Whether they are a log's: links are then not checked against each other.
 
     Raises
     ------
@@ -28,7 +37,7 @@ def parse_config(tables: dict[str, Any], *, origin: str) -> FlightConfig:
         Naming ``origin``, the key, the value and what was wanted.
     """
     try:
-        return flight_config(tables)
+        return flight_config(tables, is_flown=is_flown)
     except ValidationError as error:
         raise ConfigError("\n".join(explain(origin, item) for item in error.errors()[:5])) from None
 

@@ -9,9 +9,10 @@ import math
 from typing import Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from avionics.config.chips import Bno055Settings, Chip
+from avionics.config.link_checks import check_links
 from avionics.config.links import CameraSource, Link, Section
 from avionics.config.shared import DistributedPos, Estimator, Recorder, Tracker, Vector3
 from avionics.errors import ConfigError
@@ -210,6 +211,16 @@ class FlightSettings(Section):
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
 
 
+FLOWN = {"is_flown": True}
+"""Context in which the configuration of a log is validated: what has flown can be read again."""
+
+
+def check_unless_flown(pods: tuple[Pod, ...], info: ValidationInfo) -> None:
+    """Raise ``ConfigError`` where links contradict each other and have not flown all the same."""
+    if info.context != FLOWN:
+        check_links(pods)
+
+
 class _OneWing(Section):
     """The table ``[wing]``, which stands first in a file and in a log."""
 
@@ -221,8 +232,9 @@ class Config(FlightSettings, Equipment, _OneWing):
     """Everything that decides what flies on one wing."""
 
     @model_validator(mode="after")
-    def _is_consistent(self) -> "Config":
+    def _is_consistent(self, info: ValidationInfo) -> "Config":
         self.check_placed(self.wing.span_m)
+        check_unless_flown(self.pods, info)
         return self
 
     @property

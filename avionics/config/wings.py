@@ -6,9 +6,17 @@ The short form for one wing, ``[wing]`` with its tables beside it, is ``Config``
 from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, Generic, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
-from avionics.config.model import Config, Equipment, FlightSettings, Pod, Wing
+from avionics.config.model import (
+    FLOWN,
+    Config,
+    Equipment,
+    FlightSettings,
+    Pod,
+    Wing,
+    check_unless_flown,
+)
 from avionics.errors import ConfigError
 
 T = TypeVar("T")
@@ -47,10 +55,11 @@ class WingsConfig(FlightSettings):
         return tables
 
     @model_validator(mode="after")
-    def _is_consistent(self) -> "WingsConfig":
+    def _is_consistent(self, info: ValidationInfo) -> "WingsConfig":
         _unique("wings", "name", (wing.name for wing in self.wings))
         _unique("pods of all wings", "id", (pod.id for pod in self.pods))
         _unique("cameras", "name", (wing.camera.name for wing in self.wings if wing.camera))
+        check_unless_flown(self.pods, info)
         return self
 
     @property
@@ -76,17 +85,25 @@ FlightConfig = Config | WingsConfig
 """What a file or a log describes: one wing, or several."""
 
 
-def flight_config(tables: dict[str, Any]) -> FlightConfig:
+def flight_config(tables: dict[str, Any], *, is_flown: bool = False) -> FlightConfig:
     """Validate nested tables; one ``[[wings]]`` is the same flight as ``[wing]``.
+
+    Parameters
+    ----------
+    tables : dict
+        As a TOML file or a log's attachment holds them.
+    is_flown : bool
+        Whether they are a log's, whose links are taken as they were.
 
     Raises
     ------
     pydantic.ValidationError
         Where a key is wrong.
     """
+    context = FLOWN if is_flown else None
     if "wings" not in tables:
-        return Config.model_validate(tables)
-    several = WingsConfig.model_validate(tables)
+        return Config.model_validate(tables, context=context)
+    several = WingsConfig.model_validate(tables, context=context)
     return several.wing_configs[0] if len(several.wings) == 1 else several
 
 

@@ -1,172 +1,274 @@
-"""A rig of hardware: opened to fly, or looked at by ``avionics doctor``."""
+"""From the links of a configuration to a rig, over a factory that opens the buses.
 
-import shutil
-from collections.abc import Callable
+Hardware, simulation, bench and tests differ in the factory only.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
+from typing import Protocol, TypeVar
 
-from avionics.config import Config, Pod
-from avionics.config.links import CanLink, GStreamerCamera, I2cLink, UartLink
-from avionics.errors import ConfigError
-from avionics.flight.doctor import imu_openers, open_camera
+from avionics.config import Camera, FlightConfig, Pod
+from avionics.config.chips import Chip
+from avionics.config.links import CanLink, I2cLink, Link, SpiLink, UartLink
+from avionics.flight.chips import make_chip, pod_settings
 from avionics.flight.rig import Rig
-from drivers.clock import Clock, SteadyClock
-from drivers.errors import DeviceNotFoundError, DriverError
+from drivers.bno055.ports import UartRegisterPort
+from drivers.can.imus import CanImus
+from drivers.can.port import CanPort
+from drivers.clock import Clock
+from drivers.errors import DeviceNotFoundError
+from drivers.i2c_registers import I2cRegisterPort
+from drivers.icm42688.spi_port import SpiRegisterPort
+from drivers.interfaces import I2cBus, ImuChip, ImuSource, SerialPort, Source, SpiDevice
+from drivers.polled_imus import PolledImus
+from drivers.register_port import RegisterPort
+from drivers.samples import Frame
+from drivers.tca9548a import Muxes
+
+L = TypeVar("L", I2cLink, SpiLink, UartLink, CanLink)
 
 
-def open_rig(config: Config, clock: Clock | None = None) -> Rig:
+class Buses(Protocol):
+    """Opens what links and cameras name."""
+
+    @property
+    def keeps_calibration(self) -> bool:
+        """Whether the calibration files of chips are read and written."""
+        ...
+
+    def link(self, pod: Pod) -> Link:
+        """Return how a pod is connected.
+
+        Raises
+        ------
+        ConfigError
+            If it is not.
+        """
+        ...
+
+    def polling_clock(self) -> Clock:
+        """Return the clock of whoever reads one more polled bus."""
+        ...
+
+    def i2c(self, number: int, clock: Clock) -> I2cBus:
+        """Open an I2C bus that is read on ``clock``.
+
+        Raises
+        ------
+        DeviceNotFoundError
+            If it does not open; the message names the remedy. So do the other buses.
+        """
+        ...
+
+    def spi(self, link: SpiLink, clock: Clock) -> SpiDevice:
+        """Open a chip select of an SPI bus that is read on ``clock``."""
+        ...
+
+    def serial(self, port: str, baud: int, clock: Clock) -> SerialPort:
+        """Open a serial line that is read on ``clock``."""
+        ...
+
+    def can(self, interface: str, channel: str, bitrate: int | None) -> CanPort:
+        """Open a CAN bus."""
+        ...
+
+    def polled(self, imus: PolledImus, clock: Clock) -> ImuSource:
+        """Return the source as a rig reads it, beside others that wait for their own buses."""
+        ...
+
+    def camera(self, camera: Camera) -> Source[Frame] | None:
+        """Open a camera; None where it has no pictures to give."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """One IMU and how it is reached.
+
+    Attributes
+    ----------
+    name : str
+        The pod's identifier, or ``"root"``.
+    link : Link
+        The bus and the place on it.
+    chip : Bno055Settings or Icm42688Settings
+        Which one it is, and its settings.
+    """
+
+    name: str
+    link: Link
+    chip: Chip
+
+
+def assemble(config: FlightConfig, buses: Buses, clock: Clock, *, root: Mount | None = None) -> Rig:
     """Open everything that a configuration names and wait until it delivers.
 
     Parameters
     ----------
-    config : Config
-        The configuration.
-    clock : Clock, optional
-        The one clock of all samples; the steady clock if absent.
+    config : Config or WingsConfig
+        What flies.
+    buses : Buses
+        Opens it.
+    clock : Clock
+        The one clock of all samples.
+    root : Mount, optional
+        The IMU at the root of a wing whose root moves.
 
     Raises
     ------
     ConfigError
-        If a pod has no link, or the links contradict each other.
+        If a pod has no link.
     DeviceNotFoundError
-        If a device is missing or not what it should be; the message names it and the remedy.
+        If a device is missing, is not what it should be, or is one with another; the message
+        names it and the remedy.
     DriverError
         If a device fails while it is set.
     """
-    rig = Rig(SteadyClock() if clock is None else clock)
+    rig = Rig(clock)
     try:
-        # The camera first: it takes seconds, in which the buses would fill with unread frames.
-        if config.camera is not None and config.camera.source is not None:
-            rig.cameras.append(open_camera(config.camera, rig.clock))
-        for open_source in imu_openers(config.pods, rig.clock):
-            rig.imus.append(open_source())
+        # The cameras first: they take seconds, in which the buses would fill with unread frames.
+        for camera in config.cameras:
+            pictures = buses.camera(camera)
+            if pictures is not None:
+                rig.cameras.append(pictures)
+        mounts = [*([] if root is None else [root]), *mounts_of(config.pods, buses)]
+        ids: dict[str, bytes] = {}
+        for source in imu_sources(mounts, buses, clock):
+            rig.imus.append(source)
+            source.open()
+            ids |= source.chip_ids()
+            check_chip_ids(ids)
     except BaseException:
         rig.close()
         raise
     return rig
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One thing that ``avionics doctor`` looked at.
-
-    Attributes
-    ----------
-    ok : bool
-        Whether it is as it has to be.
-    what, found, remedy : str
-        What was looked at, what was there, and how to mend it (empty if there is nothing to).
-    """
-
-    ok: bool
-    what: str
-    found: str
-    remedy: str = ""
+def mounts_of(pods: Iterable[Pod], buses: Buses) -> list[Mount]:
+    """Return the IMUs of pods, each with its link."""
+    return [Mount(pod.name, buses.link(pod), pod.chip) for pod in pods]
 
 
-def probe(config: Config, clock: Clock | None = None) -> list[Finding]:
-    """Return what of a configuration is there and what is missing.
-
-    Every bus and device is opened and closed again; nothing is left running.
+def imu_sources(
+    mounts: Sequence[Mount], buses: Buses, clock: Clock, *, only: str | None = None
+) -> Iterator[ImuSource]:
+    """Open one bus after the other; yields the source of each, whose IMUs are not yet set.
 
     Parameters
     ----------
-    config : Config
-        The configuration.
-    clock : Clock, optional
-        The steady clock if absent.
+    mounts : sequence of Mount
+        All IMUs; their links do not contradict each other.
+    buses : Buses
+        Opens the buses.
+    clock : Clock
+        The clock of the samples.
+    only : str, optional
+        The one IMU that is wanted, of all that are connected.
     """
-    clock = SteadyClock() if clock is None else clock
-    findings = [
-        _try(f"pod {pod.id} on {_place(pod)}", partial(_probe_pod, pod, clock))
-        for pod in config.pods
-    ]
-    if not config.pods:
-        findings.append(Finding(ok=False, what="pods", found="none", remedy="add [[pods]] tables"))
-    findings.append(_probe_camera(config, clock))
-    findings.append(_probe_disk())
-    return findings
+
+    def wanted(members: list[tuple[Mount, L]]) -> list[tuple[Mount, L]]:
+        return [member for member in members if only in (None, member[0].name)]
+
+    for number, on_bus in _grouped(mounts, I2cLink, lambda link: link.bus).items():
+        if members := wanted(on_bus):
+            yield _i2c(number, members, [link for _, link in on_bus], buses)
+    for (at, device), on_select in _grouped(mounts, SpiLink, lambda x: (x.bus, x.device)).items():
+        if wanted(on_select):
+            yield _spi(f"spi {at}.{device}", *on_select[0], buses)
+    for (port, baud), on_line in _grouped(mounts, UartLink, lambda x: (x.port, x.baud)).items():
+        if wanted(on_line):
+            yield _uart(port, baud, on_line[0][0], buses)
+    for _, on_channel in _grouped(mounts, CanLink, lambda x: (x.interface, x.channel)).items():
+        if nodes := wanted(on_channel):
+            yield _can(nodes, buses, clock)
 
 
-def _place(pod: Pod) -> str:
-    match pod.link:
-        case I2cLink() as link:
-            mux = (
-                "" if link.mux_address is None else f" behind multiplexer 0x{link.mux_address:02X}"
-            )
-            return f"/dev/i2c-{link.bus} at 0x{link.address:02X}{mux}"
-        case UartLink() as link:
-            return link.port
-        case CanLink() as link:
-            return f"{link.interface} {link.channel}, node {link.node}"
-    return "nothing"
+def check_chip_ids(ids: Mapping[str, bytes]) -> None:
+    """Raise where two IMUs answer with the unique id of one chip.
 
+    Parameters
+    ----------
+    ids : mapping of str to bytes
+        Unique id by what messages call the IMU; chips without one give no bytes.
 
-def _try(what: str, look: Callable[[], str]) -> Finding:
-    try:
-        return Finding(ok=True, what=what, found=look())
-    except (DriverError, ConfigError) as error:
-        found, _, remedy = str(error).partition("; ")
-        return Finding(ok=False, what=what, found=found, remedy=remedy or _remedy(error))
-
-
-def _remedy(error: Exception) -> str:
-    text = str(error)
-    if "chip id" in text or "no answer" in text:
-        return "check supply, wiring, pull-ups and address (COM3); `i2cdetect -y` shows who answers"
-    return "see the driver's message"
-
-
-def _probe_pod(pod: Pod, clock: Clock) -> str:
-    (opener,) = imu_openers([pod], clock)
-    source = opener()
-    try:
-        sample = source.read(1.0)
-    finally:
-        source.close()
-    if sample is None:
-        msg = f"pod {pod.id}: set up, but no sample within 1 s; see `avionics run` for its counters"
-        raise DeviceNotFoundError(msg)
-    return f"{pod.chip.title} answers; {pod.chip.summary}, samples come"
-
-
-def _probe_camera(config: Config, clock: Clock) -> Finding:
-    camera = config.camera
-    if camera is None:
-        return Finding(ok=True, what="camera", found="none configured: gyros alone")
-    what = f"camera {camera.name}"
-    if camera.source is None:
-        remedy = 'add [camera.source], e.g. kind = "v4l2", device = "/dev/video0"'
-        return Finding(ok=False, what=what, found="has no source", remedy=remedy)
-    if isinstance(camera.source, GStreamerCamera) and shutil.which("gst-launch-1.0") is None:
-        remedy = "apt install gstreamer1.0-tools gstreamer1.0-plugins-{base,good,bad}"
-        return Finding(ok=False, what=what, found="GStreamer is not installed", remedy=remedy)
-
-    def look() -> str:
-        source = open_camera(camera, clock)
-        try:
-            frame = source.read(5.0)
-        finally:
-            source.close()
-        if frame is None:
-            msg = f"{what}: no frame within 5 s; check cable and sensor number"
-            raise DeviceNotFoundError(msg)
-        height, width = frame.image.shape[:2]
-        if (width, height) != (camera.width_px, camera.height_px):
+    Raises
+    ------
+    DeviceNotFoundError
+        Naming both, the id and where to look.
+    """
+    owners: dict[bytes, str] = {}
+    for name, uid in ids.items():
+        if not any(uid) or uid == b"\xff" * len(uid):  # none, or never written
+            continue
+        other = owners.setdefault(uid, name)
+        if other != name:
             msg = (
-                f"{what}: frames of {width} x {height} px, the configuration says "
-                f"{camera.width_px} x {camera.height_px}; make them agree"
+                f"{other} and {name}: both answer as the chip {uid.hex()}; one chip is reached "
+                "over two links: check the wiring, the addresses and the channels of the "
+                "multiplexers, and whether two buses or ports are one"
             )
             raise DeviceNotFoundError(msg)
-        return f"frames of {width} x {height} px come"
-
-    return _try(what, look)
 
 
-def _probe_disk() -> Finding:
-    free_bytes = shutil.disk_usage(Path.cwd()).free
-    is_enough = free_bytes > 2 << 30
-    remedy = "" if is_enough else "free at least 2 GB: an hour of JPEG frames takes about that"
-    found = f"{free_bytes / 2**30:.1f} GB free"
-    return Finding(ok=is_enough, what="disk of the working folder", found=found, remedy=remedy)
+K = TypeVar("K", bound=Hashable)
+
+
+def _grouped(
+    mounts: Sequence[Mount], kind: type[L], key: Callable[[L], K]
+) -> dict[K, list[tuple[Mount, L]]]:
+    groups: dict[K, list[tuple[Mount, L]]] = defaultdict(list)
+    for mount in mounts:
+        if isinstance(mount.link, kind):
+            groups[key(mount.link)].append((mount, mount.link))
+    return groups
+
+
+def _i2c(
+    number: int, members: list[tuple[Mount, I2cLink]], links: list[I2cLink], buses: Buses
+) -> ImuSource:
+    clock = buses.polling_clock()
+    bus = buses.i2c(number, clock)
+    muxes = Muxes(bus, [link.mux_address for link in links if link.mux_address is not None])
+    chips = []
+    for mount, link in members:
+        behind = None
+        if link.mux_address is not None:
+            behind = muxes.channel(link.mux_address, link.mux_channel)
+        port = I2cRegisterPort(bus, link.address, behind=behind)
+        chips.append(_chip(mount, port, clock, buses))
+    rate_hz = members[0][0].chip.rate_hz
+    imus = PolledImus(chips, clock, rate_hz, bus=bus, name=f"i2c bus {number}")
+    return buses.polled(imus, clock)
+
+
+def _spi(name: str, mount: Mount, link: SpiLink, buses: Buses) -> ImuSource:
+    clock = buses.polling_clock()
+    device = buses.spi(link, clock)
+    chip = _chip(mount, SpiRegisterPort(device), clock, buses)
+    imus = PolledImus([chip], clock, mount.chip.rate_hz, bus=device, name=name)
+    return buses.polled(imus, clock)
+
+
+def _chip(mount: Mount, port: RegisterPort, clock: Clock, buses: Buses) -> ImuChip:
+    keeps = buses.keeps_calibration
+    return make_chip(mount.chip, mount.name, port, clock, keeps_calibration=keeps)
+
+
+def _uart(port: str, baud: int, mount: Mount, buses: Buses) -> ImuSource:
+    clock = buses.polling_clock()
+    line = buses.serial(port, baud, clock)
+    chip = _chip(mount, UartRegisterPort(line, clock), clock, buses)
+    imus = PolledImus([chip], clock, mount.chip.rate_hz, bus=line, name=f"uart {port}")
+    return buses.polled(imus, clock)
+
+
+def _can(members: list[tuple[Mount, CanLink]], buses: Buses, clock: Clock) -> ImuSource:
+    first, link = members[0]
+    return CanImus(
+        buses.can(link.interface, link.channel, link.bitrate),
+        {link.node: mount.name for mount, link in members},
+        clock,
+        settings={link.node: pod_settings(mount.chip) for mount, link in members},
+        trigger_hz=first.chip.rate_hz if link.triggered else 0.0,
+    )

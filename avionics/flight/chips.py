@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from avionics.config import Pod
-from avionics.config.chips import Bno055Settings, Icm42688Settings
+from avionics.config.chips import Bno055Settings, Chip, Icm42688Settings
 from drivers.bno055.calibration import CalibrationFile
 from drivers.bno055.device import Bno055
 from drivers.can.pod.messages import ConfigKey
@@ -14,14 +13,16 @@ from drivers.register_port import RegisterPort
 
 
 def make_chip(
-    pod: Pod, port: RegisterPort, clock: Clock, *, keeps_calibration: bool = True
+    chip: Chip, name: str, port: RegisterPort, clock: Clock, *, keeps_calibration: bool
 ) -> ImuChip:
-    """Return the driver of a pod's chip, not yet brought up.
+    """Return the driver of a chip, not yet brought up.
 
     Parameters
     ----------
-    pod : Pod
-        The pod with its chip's settings.
+    chip : Bno055Settings or Icm42688Settings
+        Which one it is, and its settings.
+    name : str
+        Identifier that the samples carry.
     port : RegisterPort
         How the chip's registers are reached.
     clock : Clock
@@ -29,25 +30,24 @@ def make_chip(
     keeps_calibration : bool
         Whether the chip's calibration file is read and written; not for a simulated chip.
     """
-    match pod.chip:
-        case Bno055Settings(calibration_file=path) as chip:
+    match chip:
+        case Bno055Settings(calibration_file=path):
             calibrations = None
             if path is not None and keeps_calibration:
                 calibrations = CalibrationFile(Path(path))
             return Bno055(
                 port,
                 clock,
-                pod=pod.name,
+                pod=name,
                 settings=chip.driver_settings(),
                 calibrations=calibrations,
             )
-        case Icm42688Settings() as chip:
-            return Icm42688(port, clock, pod=pod.name, settings=chip.driver_settings())
+        case Icm42688Settings():
+            return Icm42688(port, clock, pod=name, settings=chip.driver_settings())
 
 
-def pod_settings(pod: Pod) -> dict[ConfigKey, int]:
+def pod_settings(chip: Chip) -> dict[ConfigKey, int]:
     """Return what a CAN pod is asked to set; its chip is a BNO055."""
-    chip = pod.chip
     assert isinstance(chip, Bno055Settings)  # the configuration allows no other on CAN
     mode = chip.driver_settings().mode
     wanted = {ConfigKey.MODE: int(mode)}

@@ -1,238 +1,162 @@
-"""From the links of a configuration to drivers on their buses."""
+"""What ``avionics doctor`` finds of a configuration's devices, and how to mend the rest."""
 
-import errno
-import os
-from collections.abc import Callable, Iterable
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import serial
-import smbus2
-
-from avionics.config import Camera, Pod
-from avionics.config.links import (
-    CanLink,
-    FileCamera,
-    GStreamerCamera,
-    I2cLink,
-    UartLink,
-)
-from avionics.config.links import SocketCamera as SocketSource
-from avionics.config.links import V4l2Camera as V4l2Source
+from avionics.config import Camera, FlightConfig, Pod
+from avionics.config.links import CanLink, GStreamerCamera, I2cLink, UartLink
 from avionics.errors import ConfigError
-from avionics.flight.chips import make_chip, pod_settings
-from drivers.bno055.ports import I2cRegisterPort, Tca9548a, UartRegisterPort
-from drivers.cameras import FrameProcess, V4l2Camera, VideoFile, jetson_csi_line
-from drivers.cameras.socket import SocketCamera
-from drivers.can.imus import CanImus
-from drivers.can.pod.codec import filters
-from drivers.can.python_can import open_can
-from drivers.clock import Clock
-from drivers.errors import DeviceNotFoundError
-from drivers.interfaces import Source
-from drivers.polled_imus import PolledImus
-from drivers.reopening import ReopeningI2cBus, ReopeningSerial
-from drivers.samples import Frame, ImuSample
-
-CanBus = tuple[str, str, int | None]
+from avionics.flight.assemble import Buses, check_chip_ids, imu_sources, mounts_of
+from avionics.flight.hardware import HardwareBuses
+from drivers.clock import Clock, SteadyClock
+from drivers.errors import DeviceNotFoundError, DriverError
 
 
-def imu_openers(pods: Iterable[Pod], clock: Clock) -> list[Callable[[], Source[ImuSample]]]:
-    """Return one call per bus that opens it with all its pods and waits until they deliver.
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that ``avionics doctor`` looked at.
+
+    Attributes
+    ----------
+    ok : bool
+        Whether it is as it has to be.
+    what, found, remedy : str
+        What was looked at, what was there, and how to mend it (empty if there is nothing to).
+    """
+
+    ok: bool
+    what: str
+    found: str
+    remedy: str = ""
+
+
+def probe(
+    config: FlightConfig, clock: Clock | None = None, buses: Buses | None = None
+) -> list[Finding]:
+    """Return what of a configuration is there and what is missing.
+
+    Every bus and device is opened and closed again; nothing is left running.
 
     Parameters
     ----------
-    pods : iterable of Pod
-        Pods with their links.
-    clock : Clock
-        The steady clock.
-
-    Raises
-    ------
-    ConfigError
-        If a pod has no link. The calls raise it where links contradict each other, and
-        ``DriverError`` where a device is missing or fails.
+    config : Config or WingsConfig
+        The configuration.
+    clock : Clock, optional
+        The steady clock if absent.
+    buses : Buses, optional
+        This machine's if absent.
     """
-    i2c: dict[int, list[Pod]] = {}
-    can: dict[CanBus, list[Pod]] = {}
-    openers: list[Callable[[], Source[ImuSample]]] = []
-    for pod in pods:
-        match pod.link:
-            case I2cLink(bus=bus):
-                i2c.setdefault(bus, []).append(pod)
-            case CanLink(interface=interface, channel=channel, bitrate=bitrate):
-                can.setdefault((interface, channel, bitrate), []).append(pod)
-            case UartLink(port=port, baud=baud):
-                openers.append(partial(_open_uart, pod, port, baud, clock))
-            case None:
-                msg = (
-                    f'pod {pod.id}: has no link; add e.g. link = {{ kind = "i2c", bus = 1, '
-                    "address = 0x28 } to fly it"
-                )
-                raise ConfigError(msg)
-    openers += [partial(_open_i2c, bus, group, clock) for bus, group in i2c.items()]
-    openers += [partial(_open_can, bus, group, clock) for bus, group in can.items()]
-    return openers
+    clock = SteadyClock() if clock is None else clock
+    buses = HardwareBuses(clock) if buses is None else buses
+    desk = _Desk(clock, buses, config)
+    findings = [
+        _try(f"pod {pod.id} on {_place(pod)}", partial(desk.look_at, pod)) for pod in config.pods
+    ]
+    if not config.pods:
+        findings.append(Finding(ok=False, what="pods", found="none", remedy="add [[pods]] tables"))
+    for camera in config.cameras:
+        findings.append(_probe_camera(camera, buses))
+    if not config.cameras:
+        findings.append(Finding(ok=True, what="camera", found="none configured: gyros alone"))
+    findings.append(_probe_disk())
+    return findings
 
 
-def _common_rate_hz(where: str, pods: list[Pod]) -> float:
-    rates = {pod.chip.rate_hz for pod in pods}
-    if len(rates) > 1:
-        msg = f"{where}: pods are read at {sorted(rates)} Hz; one bus has one rate_hz"
-        raise ConfigError(msg)
-    return rates.pop()
+class _Desk:
+    """Looks at one pod after the other."""
 
+    def __init__(self, clock: Clock, buses: Buses, config: FlightConfig) -> None:
+        self._clock, self._buses = clock, buses
+        # All that is connected: a bus with several multiplexers is set as in flight.
+        self._mounts = mounts_of((pod for pod in config.pods if pod.link is not None), buses)
+        self._chip_ids: dict[str, bytes] = {}
 
-def _open_i2c(number: int, pods: list[Pod], clock: Clock) -> PolledImus:
-    rate_hz = _common_rate_hz(f"i2c bus {number}", pods)
-    try:
-        bus = ReopeningI2cBus(partial(smbus2.SMBus, number))
-    except OSError as error:
-        raise DeviceNotFoundError(_i2c_advice(number, error)) from error
-    muxes: dict[int, Tca9548a] = {}
-    chips = []
-    for pod in pods:
-        assert isinstance(pod.link, I2cLink)
-        mux = None
-        if pod.link.mux_address is not None:
-            mux = muxes.setdefault(pod.link.mux_address, Tca9548a(bus, pod.link.mux_address))
-        port = I2cRegisterPort(bus, pod.link.address, mux=mux, channel=pod.link.mux_channel)
-        chips.append(make_chip(pod, port, clock))
-    return _opened(PolledImus(chips, clock, rate_hz, bus=bus, name=f"i2c bus {number}"))
-
-
-def _i2c_advice(number: int, error: OSError) -> str:
-    node = f"/dev/i2c-{number}"
-    if error.errno in (errno.ENOENT, errno.ENXIO, errno.ENODEV):
-        remedy = "`modprobe i2c-dev`, enable the bus, and see `i2cdetect -l` for its number"
-        return f"i2c bus {number}: {node} does not exist; {remedy}"
-    if error.errno in (errno.EACCES, errno.EPERM):
-        return f"i2c bus {number}: no permission for {node}; add the user to the group i2c"
-    return f"i2c bus {number}: {node} does not open: {error.strerror} (errno {error.errno})"
-
-
-def _open_uart(pod: Pod, port: str, baud: int, clock: Clock) -> PolledImus:
-    try:
-        line = ReopeningSerial(
-            partial(serial.Serial, port, baud, timeout=0.05, write_timeout=0.5, exclusive=True)
-        )
-    except (OSError, ValueError) as error:  # SerialException is an OSError
-        number = getattr(error, "errno", None)
-        remedy = "see `ls /dev/tty*` for the port's name"
-        if number in (errno.EACCES, errno.EPERM):
-            remedy = "add the user to the group dialout"
-        elif number in (errno.EAGAIN, errno.EBUSY):
-            remedy = f"another program holds it; see `fuser -v {port}` for which"
-        why = os.strerror(number) if number else str(error)
-        msg = f"pod {pod.id}: serial port {port} does not open: {why}; {remedy}"
-        raise DeviceNotFoundError(msg) from error
-    chip = make_chip(pod, UartRegisterPort(line, clock), clock)
-    return _opened(PolledImus([chip], clock, pod.chip.rate_hz, bus=line, name=f"uart {port}"))
-
-
-def _opened(imus: PolledImus) -> PolledImus:
-    try:
-        imus.open()
-    except BaseException:
-        imus.close()
-        raise
-    return imus
-
-
-def _open_can(bus: CanBus, pods: list[Pod], clock: Clock) -> CanImus:
-    interface, channel, bitrate = bus
-    nodes = {pod.link.node: pod for pod in pods if isinstance(pod.link, CanLink)}
-    if len(nodes) < len(pods):
-        names = ", ".join(pod.name for pod in pods)
-        msg = f"can {channel}: pods {names} share a node number; give each its own"
-        raise ConfigError(msg)
-    trigger_hz = _trigger_hz(f"can {channel}", pods)
-    port = open_can(interface, channel, clock, bitrate=bitrate, identifiers=filters())
-    imus = CanImus(
-        port,
-        {node: pod.name for node, pod in nodes.items()},
-        clock,
-        settings={node: pod_settings(pod) for node, pod in nodes.items()},
-        trigger_hz=trigger_hz,
-    )
-    try:
-        imus.open()
-    except BaseException:
-        imus.close()
-        raise
-    return imus
-
-
-def _trigger_hz(where: str, pods: list[Pod]) -> float:
-    wanted = {isinstance(pod.link, CanLink) and pod.link.triggered for pod in pods}
-    if len(wanted) > 1:
-        msg = f"{where}: some pods are triggered, some are not; give all links the same"
-        raise ConfigError(msg)
-    return _common_rate_hz(where, pods) if wanted.pop() else 0.0
-
-
-def open_camera(camera: Camera, clock: Clock) -> Source[Frame]:
-    """Open the source of a camera.
-
-    Parameters
-    ----------
-    camera : Camera
-        The camera; its mode and exposure are asked of the source.
-    clock : Clock
-        The steady clock.
-
-    Raises
-    ------
-    ConfigError
-        If it has no source.
-    DriverError
-        If the source is missing or fails.
-    """
-    match camera.source:
-        case FileCamera(path=path):
-            return VideoFile(Path(path), clock, camera=camera.name)
-        case V4l2Source() as source:
-            return V4l2Camera(
-                source.device,
-                clock,
-                camera=camera.name,
-                width_px=camera.width_px,
-                height_px=camera.height_px,
-                fps=camera.fps,
-                exposure_us=source.exposure_us,
-                gain=source.gain,
-                white_balance_k=source.white_balance_k,
-                stamp_to_middle_s=_stamp_to_middle_s(source.exposure_us, camera.exposure_s),
+    def look_at(self, pod: Pod) -> str:
+        """Return what was found of a pod; raises where it cannot fly."""
+        self._buses.link(pod)
+        (source,) = imu_sources(self._mounts, self._buses, self._clock, only=pod.name)
+        try:
+            source.open()
+            self._chip_ids |= source.chip_ids()
+            check_chip_ids(self._chip_ids)
+            sample = source.read(1.0)
+        finally:
+            source.close()
+        if sample is None:
+            msg = (
+                f"pod {pod.id}: set up, but no sample within 1 s; see `avionics run` for its "
+                "counters"
             )
-        case GStreamerCamera() as source:
-            line = source.pipeline or jetson_csi_line(
-                sensor_id=source.sensor_id,
-                width_px=camera.width_px,
-                height_px=camera.height_px,
-                fps=camera.fps,
-                exposure_us=source.exposure_us,
-                gain=source.gain,
-                white_balance=source.white_balance,
-            )
-            process = FrameProcess(
-                line,
-                clock,
-                camera=camera.name,
-                fps=camera.fps,
-                stamp_to_middle_s=_stamp_to_middle_s(source.exposure_us, camera.exposure_s),
-            )
-            try:
-                process.open()
-            except BaseException:
-                process.close()
-                raise
-            return process
-        case SocketSource(path=path):
-            return SocketCamera(Path(path), clock, camera=camera.name, fps=camera.fps)
-    msg = f"camera {camera.name}: no source; add [camera.source]"
-    raise ConfigError(msg)
+            raise DeviceNotFoundError(msg)
+        return f"{pod.chip.title} answers; {pod.chip.summary}, samples come"
 
 
-def _stamp_to_middle_s(exposure_us: int | None, exposure_s: float) -> float:
-    """Stamps are taken at the start of the read-out, when the exposure is over."""
-    return -0.5 * (exposure_s if exposure_us is None else exposure_us * 1e-6)
+def _place(pod: Pod) -> str:
+    match pod.link:
+        case I2cLink() as link:
+            mux = (
+                "" if link.mux_address is None else f" behind multiplexer 0x{link.mux_address:02X}"
+            )
+            return f"/dev/i2c-{link.bus} at 0x{link.address:02X}{mux}"
+        case UartLink() as link:
+            return link.port
+        case CanLink() as link:
+            return f"{link.interface} {link.channel}, node {link.node}"
+    return "nothing"
+
+
+def _try(what: str, look: Callable[[], str]) -> Finding:
+    try:
+        return Finding(ok=True, what=what, found=look())
+    except (DriverError, ConfigError) as error:
+        found, _, remedy = str(error).partition("; ")
+        return Finding(ok=False, what=what, found=found, remedy=remedy or _remedy(error))
+
+
+def _remedy(error: Exception) -> str:
+    text = str(error)
+    if "chip id" in text or "no answer" in text:
+        return "check supply, wiring, pull-ups and address (COM3); `i2cdetect -y` shows who answers"
+    return "see the driver's message"
+
+
+def _probe_camera(camera: Camera, buses: Buses) -> Finding:
+    what = f"camera {camera.name}"
+    if isinstance(camera.source, GStreamerCamera) and shutil.which("gst-launch-1.0") is None:
+        remedy = "apt install gstreamer1.0-tools gstreamer1.0-plugins-{base,good,bad}"
+        return Finding(ok=False, what=what, found="GStreamer is not installed", remedy=remedy)
+
+    def look() -> str:
+        source = buses.camera(camera)
+        if source is None:
+            remedy = 'add [camera.source], e.g. kind = "v4l2", device = "/dev/video0"'
+            msg = f"has no source; {remedy}"
+            raise ConfigError(msg)
+        try:
+            frame = source.read(5.0)
+        finally:
+            source.close()
+        if frame is None:
+            msg = f"{what}: no frame within 5 s; check cable and sensor number"
+            raise DeviceNotFoundError(msg)
+        height, width = frame.image.shape[:2]
+        if (width, height) != (camera.width_px, camera.height_px):
+            msg = (
+                f"{what}: frames of {width} x {height} px, the configuration says "
+                f"{camera.width_px} x {camera.height_px}; make them agree"
+            )
+            raise DeviceNotFoundError(msg)
+        return f"frames of {width} x {height} px come"
+
+    return _try(what, look)
+
+
+def _probe_disk() -> Finding:
+    free_bytes = shutil.disk_usage(Path.cwd()).free
+    is_enough = free_bytes > 2 << 30
+    remedy = "" if is_enough else "free at least 2 GB: an hour of JPEG frames takes about that"
+    found = f"{free_bytes / 2**30:.1f} GB free"
+    return Finding(ok=is_enough, what="disk of the working folder", found=found, remedy=remedy)

@@ -147,7 +147,7 @@ class LogProcess:
 def _write_log(source: BinaryIO) -> None:
     """Write the log that ``source`` describes, until it ends, however that comes about."""
     path, tables, options = pickle.load(source)
-    config = parse_config(tables, origin=str(path))
+    config = parse_config(tables, origin=str(path), is_flown=True)
     offset_ns = options["utc_offset_ns"]
     with LogWriter(path, config, **options) as writer:
         rows = RowWriter([RowMaker(each) for each in config.wing_configs], writer)

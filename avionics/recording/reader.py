@@ -166,7 +166,7 @@ class LogReader:
         except ValueError as error:
             msg = f"{origin} is not JSON: {error}"
             raise RecordingError(msg) from error
-        return parse_config(tables, origin=origin)
+        return parse_config(tables, origin=origin, is_flown=True)
 
     def raw_messages(
         self, wanted: Callable[[Channel, Schema | None], bool] | None = None

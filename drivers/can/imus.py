@@ -181,6 +181,10 @@ class CanImus:
             groups[station.name] = {**station.all_counters(), **own}
         return groups
 
+    def chip_ids(self) -> dict[str, bytes]:
+        """Return the unique ids of the pods' chips as far as the pods have told, by ``pod 1``."""
+        return {station.name: station.chip_id for station in self._stations.values()}
+
     def take_events(self) -> list[Event]:
         """Return what happened since the last call."""
         both = [*self._port.take_events(), *self._events.take()]

@@ -21,7 +21,7 @@ from sim_bus.bench.served_can import ServedCan
 from sim_bus.buses.factory import generator
 from sim_bus.buses.faults import FaultPlan
 from sim_bus.camera.sim_camera import SimCamera
-from sim_bus.chip.bno055.chip import SimBno055
+from sim_bus.chip.sim_chip import SimChip
 from sim_bus.rig import make_faults
 from sim_bus.wing.build import make_wing
 from sim_bus.wing.scenario import Picture, Scenario
@@ -76,7 +76,7 @@ class Bench:
         What goes wrong; may be changed while it runs.
     scenario, seed : Scenario, int
         What the wing flies, and the seed of every random draw.
-    chips : dict of str to SimBno055
+    chips : dict of str to SimChip
         The simulated chips by pod name.
     motions : dict of str to PlayedMotion
         What they feel, without errors.
@@ -103,7 +103,7 @@ class Bench:
     faults: FaultPlan
     scenario: Scenario
     seed: int
-    chips: dict[str, SimBno055] = field(default_factory=dict)
+    chips: dict[str, SimChip] = field(default_factory=dict)
     motions: dict[str, PlayedMotion] = field(default_factory=dict)
     stations: list[ServedCan] = field(default_factory=list)
     page: str | None = None

@@ -3,6 +3,7 @@
 import numpy as np
 
 from avionics.config import Camera, Config
+from avionics.config.link_checks import check_links
 from avionics.config.links import CanLink, I2cLink, Link, SocketCamera, UartLink, V4l2Camera
 from avionics.errors import ConfigError
 from drivers.clock import SteadyClock
@@ -17,13 +18,12 @@ from sim_bus.bench.pty_uart import PtyUart
 from sim_bus.bench.served_can import ServedCan
 from sim_bus.bench.v4l2_output import V4l2Output
 from sim_bus.bench.window import Window
-from sim_bus.buses.can_pod import SimPod
-from sim_bus.buses.factory import generator
+from sim_bus.buses.factory import DrawnPods, bno055, generator, target_of
 from sim_bus.buses.faults import FaultPlan
 from sim_bus.buses.i2c import Place, SimI2cBus, Wired
 from sim_bus.buses.uart import SimSerialPort
 from sim_bus.camera.sim_camera import Exposure
-from sim_bus.chip.bno055.chip import SimBno055
+from sim_bus.chip.kinds import make_sim_chip
 from sim_bus.rig import imu_grade
 from sim_bus.wing.build import make_wing
 from sim_bus.wing.scenario import Scenario
@@ -44,7 +44,7 @@ def open_bench(config: Config, scenario: Scenario, options: BenchOptions) -> Ben
     Raises
     ------
     ConfigError
-        If a pod has no place on what is offered.
+        If a pod has no place on what is offered, or two have the same.
     DeviceNotFoundError
         If an interface cannot be opened; the message names what it needs.
     """
@@ -60,6 +60,7 @@ def open_bench(config: Config, scenario: Scenario, options: BenchOptions) -> Ben
         pods = tuple(
             pod.model_copy(update={"link": links.get(pod.name, pod.link)}) for pod in config.pods
         )
+        check_links(pods)
         changes: dict[str, object] = {"pods": pods}
         if options.camera is not None:
             changes["camera"] = _serve_camera(bench, options)
@@ -78,7 +79,9 @@ def _make_chips(bench: Bench, places: dict[str, Link]) -> None:
             motion = PlayedMotion(bench.wing, pod)
             rng = generator(bench.seed, f"pod {pod.name}")
             bench.motions[pod.name] = motion
-            bench.chips[pod.name] = SimBno055(motion, rng, grade=grade, power_on_ns=now_ns)
+            bench.chips[pod.name] = make_sim_chip(
+                pod.chip, motion, rng, grade=grade, power_on_ns=now_ns, is_booted=True
+            )
 
 
 def _serve_i2c(bench: Bench, places: dict[str, Link]) -> None:
@@ -86,11 +89,7 @@ def _serve_i2c(bench: Bench, places: dict[str, Link]) -> None:
     for name, link in places.items():
         if isinstance(link, I2cLink):
             place = (link.mux_address, link.mux_channel, link.address)
-            chips = buses.setdefault(link.bus, {})
-            if place in chips:
-                msg = f"pod {name}: address 0x{link.address:02X} on I2C bus {link.bus} is taken"
-                raise ConfigError(msg)
-            chips[place] = Wired(bench.chips[name], f"pod {name}")
+            buses.setdefault(link.bus, {})[place] = Wired(bench.chips[name], target_of(name))
     byte_ns = round(bench.scenario.imu.i2c_byte_us * 1e3)
     for number, chips in sorted(buses.items()):
         bus = SimI2cBus(bench.clock, chips, bench.faults, byte_ns=byte_ns)
@@ -106,7 +105,8 @@ def _serve_uart(
     for name, link in places.items():
         if isinstance(link, UartLink):
             port = SimSerialPort(
-                bench.chips[name], bench.clock, target=f"pod {name}", faults=bench.faults,
+                bno055(bench.chips[name]), bench.clock, target=target_of(name),
+                faults=bench.faults,
                 baud=link.baud,
             )  # fmt: skip
             device = devices.pop(0) if devices else None
@@ -121,21 +121,12 @@ def _serve_can(bench: Bench, places: dict[str, Link]) -> None:
         if isinstance(link, CanLink):
             key = (link.interface, link.channel, link.bitrate)
             groups.setdefault(key, []).append((name, link))
+    make_pod = DrawnPods(bench.clock, bench.faults, bench.chips, bench.scenario.imu, bench.seed)
     for (interface, channel, bitrate), members in groups.items():
         station = ServedCan(interface, channel, bitrate, bench.clock)
         bench.keep(station.close)
         bench.stations.append(station)
-        station.start([_pod(bench, station, name, link.node) for name, link in members])
-
-
-def _pod(bench: Bench, station: ServedCan, name: str, node: int) -> SimPod:
-    rng = generator(bench.seed, f"microcontroller {name}")
-    ppm = bench.scenario.imu.pod_clock_ppm * rng.standard_normal()
-    return SimPod(
-        node, bench.chips[name], station.tap(), bench.clock, target=f"pod {name}",
-        faults=bench.faults, clock_ppm=float(ppm), local_start_us=int(rng.integers(0, 1 << 31)),
-        uid=bytes(rng.integers(0, 256, 12, dtype=np.uint8)),
-    )  # fmt: skip
+        station.start([make_pod(name, link.node, station.tap()) for name, link in members])
 
 
 def _serve_camera(bench: Bench, options: BenchOptions) -> Camera:

@@ -67,10 +67,11 @@ def place_pods(config: Config, offer: Offer) -> dict[str, Link]:
     pods = [pod for pod in config.pods if pod.id in wanted]
     own_buses = sorted({p.link.bus for p in pods if isinstance(p.link, I2cLink)})
     nodes = {p.link.node for p in config.pods if isinstance(p.link, CanLink)}
+    triggered = any(p.link.triggered for p in pods if isinstance(p.link, CanLink))
     for pod in pods:
         kind = _kind(pod, offer)
         if kind == "can":
-            places[pod.name] = _on_can(pod, offer, nodes)
+            places[pod.name] = _on_can(pod, offer, nodes, triggered=triggered)
         elif kind == "uart":
             places[pod.name] = UartLink(kind="uart", port="pty")
         else:
@@ -122,7 +123,7 @@ def _kind(pod: Pod, offer: Offer) -> str:
     raise ConfigError(msg)
 
 
-def _on_can(pod: Pod, offer: Offer, nodes: set[int]) -> CanLink:
+def _on_can(pod: Pod, offer: Offer, nodes: set[int], *, triggered: bool) -> CanLink:
     assert offer.can is not None
     if isinstance(pod.link, CanLink):
         node = pod.link.node
@@ -130,7 +131,12 @@ def _on_can(pod: Pod, offer: Offer, nodes: set[int]) -> CanLink:
         node = pod.id if pod.id <= 15 and pod.id not in nodes else min(set(range(16)) - nodes)
         nodes.add(node)
     return CanLink(
-        kind="can", interface=offer.interface, channel=offer.can, bitrate=offer.bitrate, node=node
+        kind="can",
+        interface=offer.interface,
+        channel=offer.can,
+        bitrate=offer.bitrate,
+        node=node,
+        triggered=triggered,
     )
 
 

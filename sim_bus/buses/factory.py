@@ -1,64 +1,36 @@
-"""The real IMU sources on simulated buses, as every pod's ``link`` asks."""
+"""Simulated chips and pods on simulated buses, wired as links say: a factory for ``assemble``."""
 
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
+import can
 import numpy as np
 
-from avionics.config import FlightConfig, Pod
-from avionics.config.links import CanLink, I2cLink, Link, UartLink
-from avionics.errors import ConfigError
-from avionics.flight.chips import make_chip, pod_settings
-from drivers.bno055.device import Bno055
-from drivers.bno055.ports import I2cRegisterPort, Tca9548a, UartRegisterPort
-from drivers.bno055.settings import Settings
-from drivers.can.imus import CanImus
+from avionics.config import Camera, Pod
+from avionics.config.links import CanLink, I2cLink, Link, SpiLink, UartLink
+from avionics.flight.assemble import Mount
+from drivers.can.port import CanPort
 from drivers.can.python_can import PythonCanPort
 from drivers.clock import Clock
-from drivers.interfaces import ImuChip, Source
+from drivers.interfaces import I2cBus, ImuSource, SerialPort, Source, SpiDevice
 from drivers.polled_imus import PolledImus
-from drivers.register_port import RegisterPort
-from drivers.samples import ImuSample
-from sim_bus.buses.can_pod import SimCanBus, SimPod
+from drivers.samples import Frame
+from sim_bus.buses.can_pod import PodBus, SimCanBus, SimPod
 from sim_bus.buses.faults import FaultPlan
 from sim_bus.buses.i2c import Place, SimI2cBus, Wired
+from sim_bus.buses.spi import SimSpiDevice
 from sim_bus.buses.uart import SimSerialPort
 from sim_bus.chip.bno055.chip import SimBno055
+from sim_bus.chip.icm42688.chip import SimIcm42688
+from sim_bus.chip.sim_chip import SimChip
 from sim_bus.clock import SimClock
+from sim_bus.realtime import PacedClock
 from sim_bus.timeline import ParallelImus, Timeline
 from sim_bus.wing.scenario import ImuQuality
 
-Opener = Callable[[], None]
-Links = Mapping[str, Link]
-Opened = list[tuple[Source[ImuSample], Opener]]
-
-
-@dataclass(slots=True)
-class Parts:
-    """What the buses are made of.
-
-    Attributes
-    ----------
-    clock : Clock
-        The rig's clock.
-    faults : FaultPlan
-        What goes wrong.
-    chips : dict of str to SimBno055
-        The chip of every pod, by its identifier.
-    pods : list of SimPod
-        The pods on CAN, once made.
-    """
-
-    clock: Clock
-    faults: FaultPlan
-    chips: dict[str, SimBno055] = field(default_factory=dict)
-    pods: list[SimPod] = field(default_factory=list)
-
-    def polling_clock(self) -> Clock:
-        """Return the clock of one more polled bus: its own time line where time is stepped."""
-        is_stepped = isinstance(self.clock, SimClock)
-        return Timeline(self.clock.now_ns()) if is_stepped else self.clock
+# Buses of pods whose link is not configured.
+FIRST_BUS = 100
 
 
 def generator(seed: int, name: str) -> np.random.Generator:
@@ -66,119 +38,166 @@ def generator(seed: int, name: str) -> np.random.Generator:
     return np.random.default_rng([seed, zlib.crc32(name.encode())])
 
 
-def _polled(
-    devices: Sequence[ImuChip],
-    rate_hz: float,
-    bus: SimI2cBus | SimSerialPort,
-    clock: Clock,
-    rig_clock: Clock,
-) -> tuple[Source[ImuSample], Opener]:
-    source = PolledImus(devices, clock, rate_hz, bus=bus)
-    if isinstance(clock, Timeline):
-        parallel = ParallelImus(source, clock, rig_clock)
-        return parallel, parallel.open
-    return source, source.open
+def target_of(name: str) -> str:
+    """Return under which name faults find the IMU of a mount."""
+    return name if name == "root" else f"pod {name}"
 
 
-def _device(port: RegisterPort, clock: Clock, pod: Pod) -> ImuChip:
-    return make_chip(pod, port, clock, keeps_calibration=False)
+def bno055(chip: SimChip) -> SimBno055:
+    """Return the chip as what alone can be on a serial line or a pod."""
+    assert isinstance(chip, SimBno055)  # the configuration allows no other there
+    return chip
 
 
-def i2c_sources(parts: Parts, config: FlightConfig, links: Links, *, byte_ns: int) -> Opened:
-    """Return one source per I2C bus and what opens it."""
-    buses: dict[int, list[tuple[Pod, I2cLink]]] = {}
-    for pod in config.pods:
-        link = links[pod.name]
-        if isinstance(link, I2cLink):
-            buses.setdefault(link.bus, []).append((pod, link))
-    opened: Opened = []
-    for number, members in sorted(buses.items()):
-        chips: dict[Place, Wired] = {}
-        for pod, link in members:
-            place = (link.mux_address, link.mux_channel, link.address)
-            if place in chips:
-                msg = f"pod {pod.name}: address 0x{link.address:02X} on I2C bus {number} is taken"
-                raise ConfigError(msg)
-            chips[place] = Wired(parts.chips[pod.name], f"pod {pod.name}")
-        clock = parts.polling_clock()
-        bus = SimI2cBus(clock, chips, parts.faults, byte_ns=byte_ns)
-        addresses = sorted({m.mux_address for _, m in members if m.mux_address is not None})
-        muxes = {address: Tca9548a(bus, address) for address in addresses}
-        devices = [
-            _device(
-                I2cRegisterPort(
-                    bus,
-                    link.address,
-                    mux=None if link.mux_address is None else muxes[link.mux_address],
-                    channel=link.mux_channel,
-                ),
-                clock,
-                pod,
-            )
-            for pod, link in members
-        ]
-        opened.append(_polled(devices, members[0][0].chip.rate_hz, bus, clock, parts.clock))
-    return opened
+def no_camera(camera: Camera) -> Source[Frame] | None:
+    """Return None: a rig of IMUs alone."""
+    return None
 
 
-def root_source(parts: Parts, chip: SimBno055, *, byte_ns: int) -> tuple[Source[ImuSample], Opener]:
-    """Return the root's own IMU, on an I2C bus by itself, and what opens it."""
-    clock = parts.polling_clock()
-    bus = SimI2cBus(clock, {(None, 0, 0x28): Wired(chip, "root")}, parts.faults, byte_ns=byte_ns)
-    device = Bno055(I2cRegisterPort(bus, 0x28), clock, pod="root", settings=Settings())
-    return _polled([device], 100.0, bus, clock, parts.clock)
+@dataclass(frozen=True, slots=True)
+class DrawnPods:
+    """Makes pods whose microcontrollers differ as a scenario lets them.
+
+    Attributes
+    ----------
+    clock : Clock
+        The rig's clock.
+    faults : FaultPlan
+        What goes wrong.
+    chips : mapping of str to SimChip
+        The chip of every pod, by its identifier.
+    quality : ImuQuality
+        How far the clocks of the pods are off.
+    seed : int
+        Of every draw.
+    """
+
+    clock: Clock
+    faults: FaultPlan
+    chips: Mapping[str, SimChip]
+    quality: ImuQuality
+    seed: int
+
+    def __call__(self, name: str, node: int, bus: PodBus) -> SimPod:
+        """Return one pod on a bus."""
+        rng = generator(self.seed, f"microcontroller {name}")
+        return SimPod(
+            node, bno055(self.chips[name]), bus, self.clock,
+            target=target_of(name), faults=self.faults,
+            clock_ppm=float(self.quality.pod_clock_ppm * rng.standard_normal()),
+            local_start_us=int(rng.integers(0, 1 << 31)),
+            uid=bytes(rng.integers(0, 256, 12, dtype=np.uint8)),
+        )  # fmt: skip
 
 
-def uart_sources(parts: Parts, config: FlightConfig, links: Links) -> Opened:
-    """Return one source per serial line and what opens it."""
-    opened: Opened = []
-    for pod in config.pods:
-        link = links[pod.name]
-        if isinstance(link, UartLink):
-            clock = parts.polling_clock()
-            port = SimSerialPort(
-                parts.chips[pod.name], clock, target=f"pod {pod.name}", faults=parts.faults,
-                baud=link.baud,
-            )  # fmt: skip
-            device = _device(UartRegisterPort(port, clock), clock, pod)
-            opened.append(_polled([device], pod.chip.rate_hz, port, clock, parts.clock))
-    return opened
+@dataclass(slots=True)
+class SimBuses:
+    """Simulated chips behind the interfaces that the drivers use; a ``Buses``.
 
+    Attributes
+    ----------
+    clock : SimClock or PacedClock
+        The rig's clock.
+    faults : FaultPlan
+        What goes wrong.
+    chips : mapping of str to SimChip
+        The chip of every pod, by its identifier.
+    byte_ns : int
+        Time of one byte on I2C, ns.
+    is_parallel : bool
+        Whether every polled bus has its own time where time is stepped, as it has its own thread
+        on hardware.
+    keeps_calibration : bool
+        Whether the simulated chips' calibrations are kept in the configured files.
+    open_camera : callable
+        Opens a camera.
+    pods : list of SimPod
+        The pods on CAN.
+    """
 
-def can_sources(
-    parts: Parts, config: FlightConfig, links: Links, quality: ImuQuality, seed: int
-) -> Opened:
-    """Make the pods; return one source per CAN channel and what opens it."""
-    buses: dict[str, list[tuple[Pod, CanLink]]] = {}
-    for pod in config.pods:
-        link = links[pod.name]
-        if isinstance(link, CanLink):
-            buses.setdefault(link.channel, []).append((pod, link))
-    opened: Opened = []
-    for name, members in sorted(buses.items()):
-        nodes = [link.node for _, link in members]
-        if len(set(nodes)) != len(nodes):
-            msg = f"CAN channel {name}: node numbers {nodes} are not unique"
-            raise ConfigError(msg)
-        # Rigs of one process must not hear each other.
-        channel = f"{name} of rig {id(parts)}"
-        bus = SimCanBus(channel, parts.clock)
-        for pod, link in members:
-            rng = generator(seed, f"microcontroller {pod.name}")
-            sim_pod = SimPod(
-                link.node, parts.chips[pod.name], SimCanBus(channel, parts.clock), parts.clock,
-                target=f"pod {pod.name}", faults=parts.faults,
-                clock_ppm=float(quality.pod_clock_ppm * rng.standard_normal()),
-                local_start_us=int(rng.integers(0, 1 << 31)),
-                uid=bytes(rng.integers(0, 256, 12, dtype=np.uint8)),
-            )  # fmt: skip
-            parts.pods.append(sim_pod)
-        source = CanImus(
-            PythonCanPort(bus, parts.clock, name=f"can {name}"),
-            {link.node: pod.name for pod, link in members},
-            parts.clock,
-            settings={link.node: pod_settings(pod) for pod, link in members},
-            trigger_hz=max(pod.chip.rate_hz * link.triggered for pod, link in members),
+    clock: SimClock | PacedClock
+    faults: FaultPlan
+    chips: Mapping[str, SimChip]
+    byte_ns: int
+    is_parallel: bool = True
+    keeps_calibration: bool = False
+    open_camera: Callable[[Camera], Source[Frame] | None] = no_camera
+    pods: list[SimPod] = field(default_factory=list)
+    _i2c: dict[int, dict[Place, Wired]] = field(default_factory=dict)
+    _selects: dict[tuple[int, int], str] = field(default_factory=dict)
+    _lines: dict[str, str] = field(default_factory=dict)
+
+    def wire(
+        self, mounts: Iterable[Mount], make_pod: Callable[[str, int, can.BusABC], SimPod]
+    ) -> None:
+        """Put every chip where its link says; pods on CAN begin to live.
+
+        Parameters
+        ----------
+        mounts : iterable of Mount
+            All that is connected.
+        make_pod : callable
+            Makes the pod of a name and a node number on a bus.
+        """
+        for mount in mounts:
+            name = mount.name
+            match mount.link:
+                case I2cLink() as link:
+                    places = self._i2c.setdefault(link.bus, {})
+                    place = (link.mux_address, link.mux_channel, link.address)
+                    places[place] = Wired(self.chips[name], target_of(name))
+                case SpiLink() as link:
+                    self._selects[link.bus, link.device] = name
+                case UartLink() as link:
+                    self._lines[link.port] = name
+                case CanLink() as link:
+                    bus = SimCanBus(self._channel(link.interface, link.channel), self.clock)
+                    pod = make_pod(name, link.node, bus)
+                    self.pods.append(pod)
+                    self.clock.on_advance(pod.step)
+
+    def link(self, pod: Pod) -> Link:
+        """Return how a pod is connected; one that is not has an I2C bus of its own."""
+        return pod.link or I2cLink(bus=FIRST_BUS + pod.id)
+
+    def polling_clock(self) -> Clock:
+        """Return the clock of one more polled bus."""
+        is_stepped = isinstance(self.clock, SimClock)
+        return Timeline(self.clock.now_ns()) if is_stepped and self.is_parallel else self.clock
+
+    def i2c(self, number: int, clock: Clock) -> I2cBus:
+        """Return the simulated bus with its chips."""
+        return SimI2cBus(clock, self._i2c[number], self.faults, byte_ns=self.byte_ns)
+
+    def spi(self, link: SpiLink, clock: Clock) -> SpiDevice:
+        """Return the simulated chip select with its chip."""
+        name = self._selects[link.bus, link.device]
+        chip = self.chips[name]
+        assert isinstance(chip, SimIcm42688)  # the configuration allows no other there
+        return SimSpiDevice(
+            chip, clock, target=target_of(name), faults=self.faults, speed_hz=link.speed_hz
         )
-        opened.append((source, source.open))
-    return opened
+
+    def serial(self, port: str, baud: int, clock: Clock) -> SerialPort:
+        """Return the simulated line with its chip."""
+        name = self._lines[port]
+        return SimSerialPort(
+            bno055(self.chips[name]), clock, target=target_of(name), faults=self.faults, baud=baud
+        )
+
+    def can(self, interface: str, channel: str, bitrate: int | None) -> CanPort:
+        """Return a port on the channel that the pods are on."""
+        bus = SimCanBus(self._channel(interface, channel), self.clock)
+        return PythonCanPort(bus, self.clock, name=f"can {channel}")
+
+    def polled(self, imus: PolledImus, clock: Clock) -> ImuSource:
+        """Return the source as if it ran in its own thread."""
+        return ParallelImus(imus, clock, self.clock) if isinstance(clock, Timeline) else imus
+
+    def camera(self, camera: Camera) -> Source[Frame] | None:
+        """Open a camera."""
+        return self.open_camera(camera)
+
+    def _channel(self, interface: str, channel: str) -> str:
+        """Rigs of one process must not hear each other."""
+        return f"{interface} {channel} of rig {id(self)}"

@@ -1,9 +1,13 @@
 """Simulated chips behind the methods of ``smbus2.SMBus``, with an optional TCA9548A before them."""
 
+import contextlib
 import errno
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import and_
+from typing import TypeVar
 
 from drivers.clock import Clock
 from sim_bus.buses.faults import FaultPlan, flip_bit_7
@@ -22,6 +26,9 @@ class Wired:
 
     chip: SimChip
     target: str
+
+
+T = TypeVar("T")
 
 
 def i2c_error(number: int) -> OSError:
@@ -47,7 +54,8 @@ class SimI2cBus:
     Notes
     -----
     Errors are the kernel's: EREMOTEIO (121) for a NAK, ETIMEDOUT (110) for a stuck bus, EIO (5),
-    EAGAIN (11) for lost arbitration.
+    EAGAIN (11) for lost arbitration. A multiplexer connects every channel whose bit is set, and the
+    wires are a wired AND: chips of one address that are on together answer together.
     """
 
     def __init__(
@@ -70,37 +78,28 @@ class SimI2cBus:
         if not 1 <= length <= BLOCK_MAX:
             msg = f"block length {length}, wanted 1 to {BLOCK_MAX}"
             raise ValueError(msg)
-        wired = self._begin(i2c_addr, length + 3)
-        if wired is None:
+        answering = self._begin(i2c_addr, length + 3)
+        if not answering:
             return [self._muxes[i2c_addr]] * length
         # The chip takes its data behind the addresses; the whole is slept in one piece.
-        byte_ns = self._byte_ns_of(wired)
+        byte_ns = self._byte_ns_of(answering)
         taken_ns = self._clock.now_ns() + ADDRESS_BYTES * byte_ns
-        try:
-            data = wired.chip.read(register, length, taken_ns)
-        except ChipSilentError as error:
-            raise i2c_error(errno.EREMOTEIO) from error
+        answers = _ask(answering, lambda chip: chip.read(register, length, taken_ns))
         self._transfer(length + ADDRESS_BYTES, byte_ns)
-        if self._faults.strikes("wrong_chip", wired.target, self._clock.now_ns()):
-            data = bytes(length)
-        if self._faults.strikes("spike", wired.target, self._clock.now_ns()):
-            data = flip_bit_7(data, self._faults.rng)
-        return list(data)
+        first, *others = (self._spoil(wired, data) for wired, data in answers)
+        return [reduce(and_, column) for column in zip(first, *others, strict=True)]
 
     def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int]) -> None:
         """Write at most 32 bytes from ``register`` on."""
         if len(data) > BLOCK_MAX:
             msg = f"block length {len(data)}, wanted at most {BLOCK_MAX}"
             raise ValueError(msg)
-        wired = self._begin(i2c_addr, len(data) + 2)
-        if wired is None:
+        answering = self._begin(i2c_addr, len(data) + 2)
+        if not answering:
             self._muxes[i2c_addr] = data[-1] if data else register
             return
-        self._transfer(len(data) + 2, self._byte_ns_of(wired))
-        try:
-            wired.chip.write(register, bytes(data), self._clock.now_ns())
-        except ChipSilentError as error:
-            raise i2c_error(errno.EREMOTEIO) from error
+        self._transfer(len(data) + 2, self._byte_ns_of(answering))
+        _ask(answering, lambda chip: chip.write(register, bytes(data), self._clock.now_ns()))
         self._pointer[i2c_addr] = register
 
     def read_byte_data(self, i2c_addr: int, register: int) -> int:
@@ -113,7 +112,7 @@ class SimI2cBus:
 
     def write_byte(self, i2c_addr: int, value: int) -> None:
         """Write the register pointer, or a multiplexer's channel mask."""
-        if self._begin(i2c_addr, 2) is None:
+        if not self._begin(i2c_addr, 2):
             self._muxes[i2c_addr] = value
             return
         self._transfer(2)
@@ -127,16 +126,25 @@ class SimI2cBus:
         """Release the bus."""
         self.is_open = False
 
-    def _byte_ns_of(self, wired: Wired) -> int:
-        return self._byte_ns if wired.chip.stretches_clock else min(self._byte_ns, FAST_BYTE_NS)
+    def _byte_ns_of(self, answering: list[Wired]) -> int:
+        is_slow = any(wired.chip.stretches_clock for wired in answering)
+        return self._byte_ns if is_slow else min(self._byte_ns, FAST_BYTE_NS)
 
     def _transfer(self, count: int, byte_ns: int | None = None) -> None:
         ns = count * (self._byte_ns if byte_ns is None else byte_ns)
         if ns:
             self._clock.sleep_until_ns(self._clock.now_ns() + ns)
 
-    def _begin(self, address: int, count: int) -> Wired | None:
-        """Return who answers at an address, None for a multiplexer; raise what the bus does."""
+    def _spoil(self, wired: Wired, data: bytes) -> bytes:
+        """Return what a chip's answer becomes on its way."""
+        if self._faults.strikes("wrong_chip", wired.target, self._clock.now_ns()):
+            data = bytes(len(data))
+        if self._faults.strikes("spike", wired.target, self._clock.now_ns()):
+            data = flip_bit_7(data, self._faults.rng)
+        return data
+
+    def _begin(self, address: int, count: int) -> list[Wired]:
+        """Return the chips that answer at an address, none for a multiplexer; raise bus errors."""
         if not self.is_open:
             raise i2c_error(errno.EBADF)
         now_ns = self._clock.now_ns()
@@ -146,8 +154,13 @@ class SimI2cBus:
             raise i2c_error(errno.ETIMEDOUT)
         if address in self._muxes:
             self._transfer(2)
-            return None
-        wired = self._find(address)
+            return []
+        answering = self._connected(address)
+        for wired in answering:
+            self._apply_faults(wired, now_ns)
+        return answering
+
+    def _apply_faults(self, wired: Wired, now_ns: int) -> None:
         self._faults.apply_to_chip(wired.chip, wired.target, now_ns)
         for kind, number in (
             ("nak", errno.EREMOTEIO),
@@ -157,12 +170,25 @@ class SimI2cBus:
             if self._faults.strikes(kind, wired.target, now_ns):
                 self._transfer(1)
                 raise i2c_error(number)
-        return wired
 
-    def _find(self, address: int) -> Wired:
-        for (mux, channel, at), wired in self._chips.items():
-            is_through = mux is None or self._muxes[mux] >> channel & 1
-            if at == address and is_through:
-                return wired
-        self._transfer(1)
+    def _connected(self, address: int) -> list[Wired]:
+        found = [
+            wired
+            for (mux, channel, at), wired in self._chips.items()
+            if at == address and (mux is None or self._muxes[mux] >> channel & 1)
+        ]
+        if not found:
+            self._transfer(1)
+            raise i2c_error(errno.EREMOTEIO)
+        return found
+
+
+def _ask(answering: list[Wired], act: Callable[[SimChip], T]) -> list[tuple[Wired, T]]:
+    """Return what each chip that is awake gives; a NAK if none is."""
+    given = []
+    for wired in answering:
+        with contextlib.suppress(ChipSilentError):
+            given.append((wired, act(wired.chip)))
+    if not given:
         raise i2c_error(errno.EREMOTEIO)
+    return given

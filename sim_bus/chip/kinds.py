@@ -24,6 +24,24 @@ def make_sim_chip(
     *,
     grade: ImuGrade,
     power_on_ns: int,
+    is_booted: bool = False,
 ) -> SimChip:
-    """Return the simulated chip of a pod, switched on at ``power_on_ns`` and not yet booted."""
-    return KINDS[chip.kind](motion, rng, grade=grade, power_on_ns=power_on_ns, is_booted=False)
+    """Return the simulated chip of a pod.
+
+    Parameters
+    ----------
+    chip : Bno055Settings or Icm42688Settings
+        The kind; how it is set is the driver's task.
+    motion : Motion
+        What moves it.
+    rng : numpy.random.Generator
+        Its own errors and noise.
+    grade : ImuGrade
+        How good it is.
+    power_on_ns : int
+        When it got its supply, ns.
+    is_booted : bool
+        Whether it answers at once.
+    """
+    kind = KINDS[chip.kind]
+    return kind(motion, rng, grade=grade, power_on_ns=power_on_ns, is_booted=is_booted)

@@ -2,6 +2,8 @@
 
 from typing import Protocol
 
+from sim_bus.chip.sensing import Sensing
+
 
 class ChipSilentError(Exception):
     """The chip does not answer; the bus turns it into what its driver would see."""
@@ -12,12 +14,15 @@ class SimChip(Protocol):
 
     Attributes
     ----------
+    sensing : Sensing
+        What it measures, before it becomes counts.
     freeze_until_ns, zero_until_ns : int
         Until when the data registers stand still, or read zero, ns.
     stretches_clock : bool
         Whether the chip makes an I2C transfer take longer than its bits.
     """
 
+    sensing: Sensing
     stretches_clock: bool
     freeze_until_ns: int
     zero_until_ns: int

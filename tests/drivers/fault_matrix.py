@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from drivers.bno055.registers import Mode
-from drivers.bno055.settings import Settings
+from avionics.config.chips import Bno055Settings
 from sim_bus.guests.uml import missing, run_in_guest
 from tests.drivers import kernel_faults
 from tests.drivers.cameras import camera_faults
@@ -103,7 +102,7 @@ CASES = (
 
 def run(case: Case, *, seed: int = 3) -> Outcome:
     """Fly one case."""
-    bench = make_bench(case.bus, settings=Settings(mode=Mode.AMG), seed=seed)
+    bench = make_bench(case.bus, chip=Bno055Settings(mode="amg"), seed=seed)
     try:
         return _run(bench, case)
     finally:

@@ -13,7 +13,6 @@ import serial
 
 from avionics.config import Pod
 from avionics.config.links import UartLink
-from avionics.flight.doctor import imu_openers
 from drivers.bno055.device import Bno055
 from drivers.bno055.ports import UartRegisterPort
 from drivers.bno055.registers import Mode
@@ -27,6 +26,7 @@ from sim_bus.buses.faults import FaultPlan
 from sim_bus.buses.uart import SimSerialPort
 from tests.drivers import genuine
 from tests.drivers.fault_matrix import CASES, Case
+from tests.opening import open_imus
 
 pytestmark = pytest.mark.alone
 Z_RAD_S = -0.3
@@ -121,7 +121,6 @@ def test_line_that_another_program_holds_is_said_to_be_held() -> None:
     with contextlib.closing(Answering()) as far:
         holder = serial.Serial(far.path, exclusive=True)
         pod = Pod(id=1, s_m=0.5, link=UartLink(kind="uart", port=far.path))
-        (opener,) = imu_openers([pod], SteadyClock())
         with pytest.raises(DeviceNotFoundError, match="another program holds it; see `fuser -v"):
-            opener()
+            open_imus([pod])
         holder.close()

@@ -10,8 +10,8 @@ import pytest
 import serial
 
 from drivers.bno055.device import Bno055
-from drivers.bno055.ports import I2cRegisterPort
 from drivers.bno055.settings import Settings
+from drivers.i2c_registers import I2cRegisterPort
 from drivers.polled_imus import PolledImus
 from drivers.reopening import ReopeningI2cBus, ReopeningSerial
 from tests.drivers.wing_bench import make_bench
@@ -70,7 +70,7 @@ def test_i2c_adapter_pulled_out_and_put_in_again() -> None:
     assert bench.count("bus_reopened") == 1
     told = [event.message for event in bench.imus.take_events()]
     assert any("bringing it up again" in message for message in told)
-    assert told[-1] == "is up"
+    assert told[-1] == f"is up; chip {bench.chips[0].unique_id.hex()}"
     bench.imus.close()
 
 

@@ -5,20 +5,16 @@ from dataclasses import dataclass, field
 import can
 import numpy as np
 
-from drivers.bno055.calibration import CalibrationStore
-from drivers.bno055.device import Bno055
-from drivers.bno055.ports import I2cRegisterPort, Tca9548a, UartRegisterPort
-from drivers.bno055.registers import Mode
-from drivers.bno055.settings import Settings
-from drivers.can.imus import CanImus
-from drivers.can.pod.messages import ConfigKey
-from drivers.polled_imus import PolledImus
+from avionics.config.chips import Bno055Settings
+from avionics.config.links import CanLink, I2cLink, Link, UartLink
+from avionics.flight.assemble import Mount, imu_sources
+from drivers.interfaces import ImuSource
 from drivers.samples import ImuSample
-from sim_bus.buses.can_pod import SimCanBus, SimPod
+from sim_bus.buses.can_pod import SimPod
+from sim_bus.buses.factory import SimBuses
 from sim_bus.buses.faults import Fault, FaultPlan
-from sim_bus.buses.i2c import SimI2cBus, Wired
-from sim_bus.buses.uart import SimSerialPort
 from sim_bus.chip.bno055.chip import SimBno055
+from sim_bus.chip.kinds import make_sim_chip
 from sim_bus.chip.sensing import PERFECT, ImuGrade
 from sim_bus.clock import SimClock
 
@@ -53,7 +49,7 @@ class Bench:
 
     clock: SimClock
     chips: list[SimBno055]
-    imus: PolledImus | CanImus
+    imus: ImuSource
     plan: FaultPlan
     pods: list[SimPod] = field(default_factory=list)
 
@@ -83,63 +79,51 @@ def make_bench(
     bus: str,
     pods: int = 1,
     *,
-    settings: Settings | None = None,
+    chip: Bno055Settings | None = None,
     grade: ImuGrade = GOOD,
     faults: list[Fault] | None = None,
     seed: int = 1,
     clock_ppm: float = 0.0,
     local_start_us: int = 0,
-    calibrations: CalibrationStore | None = None,
     mux: bool = False,
     byte_ns: int = 180_000,
     trigger_hz: float = 0.0,
 ) -> Bench:
-    """Return a bench that is not yet open."""
+    """Return a bench that is not yet open: what ``assemble`` makes of such links."""
     clock, rng = SimClock(START), np.random.default_rng(seed)
     plan = FaultPlan(list(faults or []), np.random.default_rng(seed + 1))
-    chips = [SimBno055(Swing(), rng, grade=grade, power_on_ns=START) for _ in range(pods)]
-    wanted = settings or Settings()
-
-    def device(port, number):
-        return Bno055(port, clock, pod=str(number), settings=wanted, calibrations=calibrations)
-
-    if bus == "i2c":
-        places = [(0x70, n, 0x28) if mux else (None, 0, 0x28 + n) for n in range(pods)]
-        wires = {
-            p: Wired(chip, f"pod {n}")
-            for n, (p, chip) in enumerate(zip(places, chips, strict=True))
-        }
-        line = SimI2cBus(clock, wires, plan, byte_ns=byte_ns)
-        switch = Tca9548a(line, 0x70) if mux else None
-        ports = [I2cRegisterPort(line, p[2], mux=switch, channel=p[1]) for p in places]
-        imus = PolledImus([device(p, n) for n, p in enumerate(ports)], clock, bus=line)
-        return Bench(clock, chips, imus, plan)
-    if bus == "uart":
-        assert pods == 1
-        port = SimSerialPort(chips[0], clock, target="pod 0", faults=plan)
-        imus = PolledImus([device(UartRegisterPort(port, clock), 0)], clock, bus=port)
-        return Bench(clock, chips, imus, plan)
-    assert bus == "can"
-    channel = f"bench-{seed}-{id(plan)}"
-    cores = [
-        SimPod(
-            n, chip, SimCanBus(channel, clock), clock, target=f"pod {n}", faults=plan,
-            clock_ppm=clock_ppm, local_start_us=local_start_us, uid=bytes([n + 1]) * 12,
+    wanted = chip or Bno055Settings()
+    if trigger_hz:
+        wanted = wanted.model_copy(update={"rate_hz": trigger_hz})
+    links = [link_of(bus, n, mux=mux, triggered=trigger_hz > 0) for n in range(pods)]
+    mounts = [Mount(str(n), link, wanted) for n, link in enumerate(links)]
+    chips = {
+        mount.name: make_sim_chip(
+            wanted, Swing(), rng, grade=grade, power_on_ns=START, is_booted=True
         )
-        for n, chip in enumerate(chips)
-    ]  # fmt: skip
-    for core in cores:
-        clock.on_advance(core.step)
-    asked = {
-        ConfigKey.MODE: int(wanted.mode),
-        ConfigKey.GYRO_RANGE_DPS: wanted.gyro_range_dps,
-        ConfigKey.GYRO_BANDWIDTH_HZ: wanted.gyro_bandwidth_hz,
-        ConfigKey.STREAMS: 3 if wanted.mode is Mode.AMG else 0,
+        for mount in mounts
     }
-    if wanted.mode.is_fusion:
-        del asked[ConfigKey.GYRO_RANGE_DPS], asked[ConfigKey.GYRO_BANDWIDTH_HZ]
-    receiver: can.BusABC = SimCanBus(channel, clock)
-    names = {n: str(n) for n in range(pods)}
-    each = dict.fromkeys(range(pods), asked)
-    imus = CanImus(receiver, names, clock, settings=each, trigger_hz=trigger_hz)
-    return Bench(clock, chips, imus, plan, cores)
+    buses = SimBuses(clock, plan, chips, byte_ns, is_parallel=False, keeps_calibration=True)
+
+    def make_pod(name: str, node: int, line: can.BusABC) -> SimPod:
+        return SimPod(
+            node, chips[name], line, clock, target=f"pod {name}", faults=plan,
+            clock_ppm=clock_ppm, local_start_us=local_start_us, uid=bytes([node + 1]) * 12,
+        )  # fmt: skip
+
+    buses.wire(mounts, make_pod)
+    (imus,) = imu_sources(mounts, buses, clock)
+    return Bench(clock, list(chips.values()), imus, plan, buses.pods)
+
+
+def link_of(bus: str, number: int, *, mux: bool = False, triggered: bool = False) -> Link:
+    """Return how one of several pods is connected to a kind of bus."""
+    if bus == "can":
+        return CanLink(
+            kind="can", interface="virtual", channel="bench", node=number, triggered=triggered
+        )
+    if bus == "uart":
+        return UartLink(kind="uart", port=f"/dev/ttyS{number}")
+    if mux:
+        return I2cLink(mux_address=0x70, mux_channel=number)
+    return I2cLink(address=0x28 + number)

@@ -13,7 +13,6 @@ import pytest
 from avionics.config.links import CanLink, I2cLink, UartLink
 from avionics.config.load import default_config_text, parse_config_text
 from avionics.errors import ConfigError
-from avionics.flight.doctor import imu_openers
 from drivers.clock import SteadyClock
 from drivers.errors import DeviceNotFoundError
 from sim_bus.bench.bench import Bench, BenchOptions
@@ -24,6 +23,7 @@ from sim_bus.bench.places import Offer, place_pods
 from sim_bus.bench.served_can import ServedCan
 from sim_bus.buses.can_pod import SimPod
 from sim_bus.wing.scenario import load_scenario
+from tests.opening import open_imus
 
 
 @pytest.fixture(scope="module")
@@ -111,8 +111,7 @@ def test_simulated_pod_shares_the_bus_with_another(bench: Bench, channel, make_c
             )
             for n, pod in enumerate(bench.config.pods)
         ]
-        (opener,) = imu_openers(pods, clock)
-        imus = opener()
+        imus = open_imus(pods, clock)
         heard: set[str] = set()
         give_up = time.monotonic() + 20
         while heard != {"0", "1"} and time.monotonic() < give_up:
@@ -138,8 +137,7 @@ def control(bench: Bench, tmp_path: Path, said: list[str]) -> Iterator[Path]:
 
 
 def test_faults_are_switched_while_it_runs(bench: Bench, control: Path) -> None:
-    (opener,) = imu_openers(bench.config.pods[:1], SteadyClock())
-    imus = opener()
+    imus = open_imus(bench.config.pods[:1])
 
     def silent_for_s(limit_s: float) -> float:
         start = time.monotonic()

@@ -9,10 +9,9 @@ from smbus2 import SMBus
 
 from avionics.config import Pod
 from avionics.config.links import I2cLink
-from avionics.flight.doctor import imu_openers
-from drivers.clock import SteadyClock
 from drivers.errors import DeviceNotFoundError, DriverError
 from sim_bus.bench.cuse_i2c import CuseI2cBus, I2cMessage
+from tests.opening import open_imus
 
 pytestmark = pytest.mark.uml
 
@@ -22,8 +21,7 @@ STUB = "kernel/drivers/i2c/i2c-stub.ko"
 
 def open_pod(bus: int) -> None:
     pod = Pod(id=0, s_m=0.5, link=I2cLink(bus=bus, address=0x28))
-    (opener,) = imu_openers([pod], SteadyClock())
-    opener().close()
+    open_imus([pod]).close()
 
 
 @pytest.fixture
@@ -62,9 +60,8 @@ def test_stub_with_our_chip_id_does_not_pass_for_a_chip(stub: int) -> None:
 
 def test_absent_address_is_named(stub: int) -> None:
     pod = Pod(id=0, s_m=0.5, link=I2cLink(bus=stub, address=0x29))
-    (opener,) = imu_openers([pod], SteadyClock())
     with pytest.raises(DriverError, match="0x29"):
-        opener()
+        open_imus([pod])
 
 
 def test_another_sensor_at_our_address_is_never_written() -> None:

@@ -9,12 +9,13 @@ import pytest
 import smbus2
 
 from drivers.bno055.device import Bno055
-from drivers.bno055.ports import I2cRegisterPort, Tca9548a
 from drivers.bno055.registers import Mode
 from drivers.bno055.settings import Settings
 from drivers.clock import SteadyClock
+from drivers.i2c_registers import I2cRegisterPort
 from drivers.polled_imus import PolledImus
 from drivers.reopening import ReopeningI2cBus
+from drivers.tca9548a import Muxes
 from sim_bus.bench.cuse_i2c import CuseI2cBus
 from sim_bus.bench.i2c_adapter import transfer_on
 from sim_bus.buses.faults import FaultPlan
@@ -46,10 +47,12 @@ def flight_on(
     node.start()
     with contextlib.closing(node):
         bus = ReopeningI2cBus(partial(smbus2.SMBus, number))
-        mux = Tca9548a(bus, MUX)
+        muxes = Muxes(bus, [MUX])
         chips = [
             Bno055(
-                I2cRegisterPort(bus, at, mux=None if first is None else mux, channel=channel),
+                I2cRegisterPort(
+                    bus, at, behind=None if first is None else muxes.channel(first, channel)
+                ),
                 clock, pod=str(n), settings=Settings(mode=mode),
             )
             for n, (first, channel, at) in enumerate(rates)

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from avionics.config.load import load_config
-from avionics.flight.doctor import imu_openers
-from drivers.clock import SteadyClock
 from drivers.samples import ImuSample
 from tests.kernel import hil
 from tests.kernel.quiet import CpuWatch
+from tests.opening import open_imus
 
 pytestmark = pytest.mark.uml
 
@@ -33,8 +32,7 @@ def test_two_sensors_at_100_hz(seconds: int, record_property) -> None:
         bench = hil.serve(folder, "--i2c-dev", "5", "--set", PODS, socket=Path("/run/rate.sock"))
         try:
             config = load_config(bench.config)
-            (opener,) = imu_openers(config.pods, SteadyClock())
-            imus = opener()
+            imus = open_imus(config.pods)
             samples: list[ImuSample] = []
             end = time.monotonic() + seconds
             while time.monotonic() < end:

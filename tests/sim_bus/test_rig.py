@@ -179,12 +179,32 @@ def test_silent_pod_comes_back() -> None:
         assert (times > 4.5e9).sum() > 45
 
 
-def test_two_chips_on_one_address_are_refused() -> None:
-    with pytest.raises(ConfigError, match="address 0x28 on I2C bus 1 is taken"):
-        open_sim_rig(with_links(LINKS["i2c"], LINKS["i2c"]), scenario())
-    twice = LINKS["can"], LINKS["can"]
-    with pytest.raises(ConfigError, match="node numbers"):
-        open_sim_rig(with_links(*twice), scenario())
+def test_a_pod_without_a_link_does_not_sit_on_anothers_place() -> None:
+    config = with_links({"kind": "i2c", "bus": 101, "address": 0x28}, None)
+    with pytest.raises(ConfigError, match=r"pods 0 and 1: link\.address: both answer at 0x28"):
+        open_sim_rig(config, scenario())
+
+
+def test_each_of_two_multiplexers_leads_to_its_own_chip() -> None:
+    muxes = [{**LINKS["mux"], "mux_address": address} for address in (0x70, 0x71)]
+    with open_sim_rig(with_links(*muxes), scenario(), seed=2) as rig:
+        assert {rig.chips[n].unique_id for n in "01"} == set(rig.imus[0].chip_ids().values())
+        samples = fly(rig, 2.0)
+        for number, s_m in enumerate((0.6, 0.9)):
+            mine = [s for s in samples if s.pod == str(number)]
+            t_ns = np.array([s.t_ns for s in mine]) - 12_000_000
+            true = rig.wing.stations(t_ns, np.array([s_m])).rate_rad_s[:, 0]
+            rates = np.array([s.rate_rad_s for s in mine])
+            assert np.abs(rates - true).max() < np.radians(8.0)
+            assert len(mine) == pytest.approx(200, abs=4)
+
+
+@needs_compiler
+def test_a_pod_streams_what_its_mode_has() -> None:
+    with open_sim_rig(with_links(LINKS["can"], chip={"mode": "amg"}), scenario()) as rig:
+        sample = fly(rig, 0.5)[-1]
+        assert sample.specific_force_m_s2 is not None
+        assert sample.magnetic_flux_t is not None
 
 
 def test_close_may_be_called_twice(config: Config) -> None:

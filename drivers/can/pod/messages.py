@@ -6,6 +6,8 @@ from typing import Final
 
 LAYOUT_VERSION: Final = 1
 NODES: Final = 16
+# What the firmware takes as RATE_HZ, whole; pod_config.c.
+RATE_MAX_HZ: Final = 200
 SYNC_ID: Final = 0x080
 FOLLOW_UP_ID: Final = 0x081
 NOT_SYNCHRONISED: Final = -32768

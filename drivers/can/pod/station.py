@@ -31,6 +31,7 @@ GYRO_SCALES_RAD_S: Final = tuple(
     math.radians(dps) for dps in (*(r / 32768 for r in (2000, 1000, 500, 250, 125)), 1 / 16)
 )
 _UID_PARTS: Final = {1: 6, 2: 6, 3: 6, 4: 6, 5: 4}
+_CHIP_PARTS: Final = (3, 4, 5)
 
 
 class PodStation:
@@ -78,6 +79,12 @@ class PodStation:
     def name(self) -> str:
         """What messages and counters call the pod."""
         return f"pod {self.pod}"
+
+    @property
+    def chip_id(self) -> bytes:
+        """Unique id of the pod's chip, 16 bytes; empty while a part of it is missing."""
+        parts = [self.uids.get(part, b"") for part in _CHIP_PARTS]
+        return b"".join(parts) if all(parts) else b""
 
     def all_counters(self) -> dict[str, int]:
         """Return own, clock's and the pod's reported counters."""
@@ -159,7 +166,10 @@ class PodStation:
                 f"unique id {part.hex()}, before {known.hex()}: two pods share this number, or "
                 "it was exchanged",
             )
+        was_known = bool(self.chip_id)
         self.uids[identity.part] = part
+        if self.chip_id and not was_known:
+            self._events.add(t_ns, self.name, "info", f"chip {self.chip_id.hex()}")
 
     def _on_versions(self, payload: bytes, t_ns: int) -> None:
         layout, major, minor, patch, cause, refusal = payload

@@ -1,4 +1,4 @@
-"""``open_rig`` and ``probe`` with simulated chips where the bus libraries would open hardware."""
+"""``assemble`` and ``probe`` with simulated chips where the bus libraries would open hardware."""
 
 import cv2
 import numpy as np
@@ -8,7 +8,8 @@ import smbus2
 
 from avionics.config.load import parse_config
 from avionics.errors import ConfigError
-from avionics.flight.assemble import open_rig, probe
+from avionics.flight.doctor import probe
+from avionics.flight.hardware import open_rig
 from drivers.errors import DeviceNotFoundError
 from sim_bus.buses.can_pod import SimCanBus, SimPod
 from sim_bus.buses.i2c import SimI2cBus, Wired
@@ -22,7 +23,7 @@ I2C = {"id": 0, "s_m": 0.3, "link": {"kind": "i2c", "bus": 1, "address": 0x28}}
 MUX = {
     "id": 3,
     "s_m": 0.9,
-    "link": {"kind": "i2c", "bus": 1, "mux_address": 0x70, "mux_channel": 2},
+    "link": {"kind": "i2c", "bus": 1, "address": 0x29, "mux_address": 0x70, "mux_channel": 2},
 }
 UART = {"id": 1, "s_m": 0.6, "link": {"kind": "uart", "port": "/dev/ttyTEST"}}
 CAN = {
@@ -46,11 +47,11 @@ def desk(monkeypatch):
     def chip() -> SimBno055:
         return SimBno055(Swing(), rng, grade=GOOD, power_on_ns=SECOND)
 
-    places = {(None, 0, 0x28): Wired(chip(), "pod 0"), (0x70, 2, 0x28): Wired(chip(), "pod 3")}
+    places = {(None, 0, 0x28): Wired(chip(), "pod 0"), (0x70, 2, 0x29): Wired(chip(), "pod 3")}
     chips = {"uart": chip(), "can": chip(), "i2c": places[(None, 0, 0x28)].chip}
 
     def smbus(number):
-        if number != 1:
+        if number not in (1, 11):
             raise FileNotFoundError(2, "No such file or directory")
         return SimI2cBus(clock, places)
 
@@ -95,7 +96,10 @@ def test_can_pods_are_set_as_configured(desk) -> None:
     [
         ({**I2C, "link": {"kind": "i2c", "bus": 9}}, r"/dev/i2c-9 does not exist; .*i2cdetect -l"),
         ({**I2C, "link": {"kind": "i2c", "address": 0x29}}, r"pod 0: no answer, expected 0xA0"),
-        ({**UART, "link": {"kind": "uart", "port": "/dev/ttyX"}}, r"pod 1: .*group dialout"),
+        (
+            {**UART, "link": {"kind": "uart", "port": "/dev/ttyX"}},
+            r"serial port /dev/ttyX does not open: .*group dialout",
+        ),
         (
             {**CAN, "link": {**CAN["link"], "node": 6}},
             r"pod 2: no frame from node 6 within 2\.0 s on can hardware-test; check",
@@ -117,17 +121,37 @@ def test_wrong_chip_id_is_named(desk) -> None:
         open_rig(config(I2C), desk)
 
 
-@pytest.mark.parametrize(
-    ("pods", "message"),
-    [
-        (({"id": 0, "s_m": 0.3},), "pod 0: has no link"),
-        ((CAN, {**CAN, "id": 7}), "pods 2, 7 share a node number"),
-        ((I2C, {**MUX, "chip": {"rate_hz": 50.0}}), r"i2c bus 1: pods are read at \[50.0, 100.0\]"),
-    ],
-)
-def test_contradicting_links_are_a_configuration_error(desk, pods, message) -> None:
-    with pytest.raises(ConfigError, match=message):
-        open_rig(config(*pods), desk)
+def test_pod_without_a_link_is_named(desk) -> None:
+    with pytest.raises(ConfigError, match=r"pod 0: has no link; add e\.g\. link = "):
+        open_rig(config({"id": 0, "s_m": 0.3}), desk)
+
+
+def test_one_chip_over_two_links_is_refused(desk) -> None:
+    # GIVEN a second bus that is a channel of a multiplexer on the first, as the kernel makes them
+    through = {**I2C, "id": 4, "link": {"kind": "i2c", "bus": 11, "address": 0x28}}
+    uid = desk.chips["i2c"].unique_id.hex()
+    message = f"pod 0 and pod 4: both answer as the chip {uid}; one chip is reached over two links"
+    with pytest.raises(DeviceNotFoundError, match=message):
+        open_rig(config(I2C, through), desk)
+    findings = probe(config(I2C, through), desk)
+    assert [f.ok for f in findings[:2]] == [True, False]
+    assert "both answer as the chip" in findings[1].found
+    assert findings[1].remedy.startswith("one chip is reached over two links: check the wiring")
+
+
+def test_every_pod_says_which_chip_it_is(desk) -> None:
+    with open_rig(config(I2C, UART, CAN), desk) as rig:
+        for _ in range(3000):
+            desk.advance(1_000_000)
+            for source in rig.imus:
+                source.read(0)
+        told = {(e.source, e.message) for source in rig.imus for e in source.take_events()}
+        ids = {name: uid for source in rig.imus for name, uid in source.chip_ids().items()}
+    wanted = {"pod 0": "i2c", "pod 1": "uart", "pod 2": "can"}
+    assert ids == {name: desk.chips[kind].unique_id for name, kind in wanted.items()}
+    for name in ("pod 0", "pod 1"):
+        assert (name, f"is up; chip {ids[name].hex()}") in told
+    assert ("pod 2", f"chip {ids['pod 2'].hex()}") in told
 
 
 def test_what_was_opened_is_closed_when_a_later_device_fails(desk, monkeypatch) -> None:

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from avionics.config.chips import Bno055Settings
 from drivers.bno055.calibration import CalibrationFile
 from drivers.bno055.device import Bno055
-from drivers.bno055.ports import I2cRegisterPort
-from drivers.bno055.registers import Mode
 from drivers.bno055.screening import is_suspicious
 from drivers.bno055.settings import Settings
 from drivers.errors import DeviceNotFoundError, DriverError, FrameFormatError
+from drivers.i2c_registers import I2cRegisterPort
 from sim_bus.clock import SimClock
 from tests.drivers.bno055_scripts import ScriptedI2c
 from tests.drivers.wing_bench import NOISELESS, SECOND
@@ -21,8 +21,8 @@ BLOCK = (
 
 @pytest.mark.parametrize("bus", ["i2c", "uart"])
 def test_settings_are_in_the_chip_after_opening(bench, bus) -> None:
-    wanted = Settings(mode=Mode.GYRONLY, gyro_range_dps=500, gyro_bandwidth_hz=116)
-    one = bench(bus, settings=wanted)
+    wanted = Bno055Settings(mode="gyronly", gyro_range_dps=500, gyro_bandwidth_hz=116)
+    one = bench(bus, chip=wanted)
     one.imus.open()
     chip = one.chips[0]
     assert chip.mode == 3
@@ -61,8 +61,9 @@ def test_foreign_device_is_not_written_to() -> None:
 
 
 def test_calibration_is_kept_by_chip_and_restored(bench, tmp_path) -> None:
-    store = CalibrationFile(tmp_path / "chips.json")
-    one = bench("i2c", calibrations=store)
+    path = tmp_path / "chips.json"
+    store = CalibrationFile(path)
+    one = bench("i2c", chip=Bno055Settings(calibration_file=str(path)))
     store.save(one.chips[0].unique_id, BLOCK)
     one.imus.open()
     assert bytes(one.chips[0]._pages[0][0x55:0x6B]) == BLOCK
@@ -83,19 +84,20 @@ CALIB_STAT = 0x35
 @pytest.mark.parametrize(
     ("mode", "status", "is_saved"),
     [
-        (Mode.NDOF, 0xFF, True),
-        (Mode.NDOF, 0x3F, True),  # the sensors are, whatever the fusion says
-        (Mode.NDOF, 0xFC, False),
-        (Mode.IMU, 0x3C, True),
-        (Mode.IMU, 0x38, False),
-        (Mode.AMG, 0xFF, False),
+        ("ndof", 0xFF, True),
+        ("ndof", 0x3F, True),  # the sensors are, whatever the fusion says
+        ("ndof", 0xFC, False),
+        ("imu", 0x3C, True),
+        ("imu", 0x38, False),
+        ("amg", 0xFF, False),
     ],
 )
 def test_fully_calibrated_chip_is_saved_at_the_end(
     bench, tmp_path, bus, mode, status, is_saved
 ) -> None:
-    store = CalibrationFile(tmp_path / "chips.json")
-    one = bench(bus, settings=Settings(mode=mode), calibrations=store)
+    path = tmp_path / "chips.json"
+    store = CalibrationFile(path)
+    one = bench(bus, chip=Bno055Settings(mode=mode, calibration_file=str(path)))
     one.imus.open()
     one.fly(0.1)
     chip = one.chips[0]
@@ -111,12 +113,12 @@ def test_fully_calibrated_chip_is_saved_at_the_end(
 def test_calibration_that_cannot_be_saved_is_told(bench, tmp_path) -> None:
     one = bench(
         "i2c",
-        settings=Settings(mode=Mode.NDOF),
-        calibrations=CalibrationFile(tmp_path / "none" / "chips.json"),
+        chip=Bno055Settings(mode="ndof", calibration_file=str(tmp_path / "none" / "chips.json")),
     )
     one.imus.open()
     one.fly(0.1)
     one.chips[0]._pages[0][CALIB_STAT] = 0xFF
+    one.imus.take_events()
     one.imus.close()
     (event,) = one.imus.take_events()
     assert event.level == "warning"
@@ -127,23 +129,25 @@ def test_calibration_that_cannot_be_saved_is_told(bench, tmp_path) -> None:
 def test_host_subtracts_the_offsets_in_raw_modes_only(bench, tmp_path) -> None:
     # GIVEN equal chips, one of them with stored offsets WHEN both are read THEN those of raw
     # modes differ by the offsets, which the host takes off; in fusion modes the chip does it
-    store = CalibrationFile(tmp_path / "chips.json")
+    path = tmp_path / "chips.json"
+    store = CalibrationFile(path)
 
-    def read(mode: Mode, calibrations: CalibrationFile | None):
-        one = bench("i2c", settings=Settings(mode=mode), calibrations=calibrations, grade=NOISELESS)
+    def read(mode: str, calibration_file: str | None):
+        chip = Bno055Settings(mode=mode, calibration_file=calibration_file)
+        one = bench("i2c", chip=chip, grade=NOISELESS)
         store.save(one.chips[0].unique_id, BLOCK)  # 32 LSB = 2 deg/s on x
         one.imus.open()
         one.clock.sleep_until_ns(8 * SECOND)  # restoring takes time, in which the wing swings on
         return one.fly(0.5)
 
-    for mode in (Mode.GYRONLY, Mode.AMG, Mode.NDOF):
-        pairs = list(zip(read(mode, None), read(mode, store), strict=True))
+    for mode in ("gyronly", "amg", "ndof"):
+        pairs = list(zip(read(mode, None), read(mode, str(path)), strict=True))
         assert len(pairs) > 40
         offsets = np.array([a.rate_rad_s - b.rate_rad_s for a, b in pairs])
         np.testing.assert_allclose(
             offsets, [[np.radians(2), 0, 0]] * len(pairs), atol=2e-3
         )  # a count is 1.1e-3
-        if mode is Mode.AMG:
+        if mode == "amg":
             forces = np.array([a.specific_force_m_s2 - b.specific_force_m_s2 for a, b in pairs])
             expected = np.frombuffer(BLOCK[:6], "<i2") * 0.01
             np.testing.assert_allclose(forces, [expected] * len(pairs), atol=0.011)
@@ -166,7 +170,7 @@ def test_saving_without_a_store_is_an_error(bench) -> None:
 
 
 def test_external_crystal_is_chosen_after_the_calibration(bench, monkeypatch) -> None:
-    one = bench("i2c", settings=Settings(external_crystal=True))
+    one = bench("i2c", chip=Bno055Settings(external_crystal=True))
     order = []
     honest = one.chips[0].write
 
@@ -183,7 +187,7 @@ def test_external_crystal_is_chosen_after_the_calibration(bench, monkeypatch) ->
 
 
 def test_four_sensors_behind_a_multiplexer_are_read_at_100_hz(bench) -> None:
-    one = bench("i2c", pods=4, settings=Settings(mode=Mode.GYRONLY), mux=True)
+    one = bench("i2c", pods=4, chip=Bno055Settings(mode="gyronly"), mux=True)
     one.imus.open()
     samples = one.fly(2.0)
     for pod in "0123":
@@ -192,7 +196,7 @@ def test_four_sensors_behind_a_multiplexer_are_read_at_100_hz(bench) -> None:
 
 def test_a_lost_neighbour_does_not_stop_the_other(bench) -> None:
     # GIVEN two chips on one bus WHEN one stops to answer THEN the other is read on
-    one = bench("i2c", pods=2, settings=Settings(mode=Mode.GYRONLY))
+    one = bench("i2c", pods=2, chip=Bno055Settings(mode="gyronly"))
     one.imus.open()
     one.fly(0.5)
     one.fault("nak", 0, 0.0, 3.0)
@@ -241,7 +245,7 @@ def test_false_bits_are_suspected(now, expected, verdict) -> None:
 
 
 def test_hard_manoeuvre_is_believed_after_the_second_look(bench, monkeypatch) -> None:
-    one = bench("i2c", settings=Settings(mode=Mode.GYRONLY), grade=NOISELESS)
+    one = bench("i2c", chip=Bno055Settings(mode="gyronly"), grade=NOISELESS)
     one.imus.open()
     one.fly(0.5)
     start_ns = one.clock.now_ns()
@@ -264,7 +268,7 @@ def test_hard_manoeuvre_is_believed_after_the_second_look(bench, monkeypatch) ->
 def test_a_burst_that_was_held_up_gives_no_sample_rather_than_a_wrong_time(
     bench, monkeypatch, before: bool
 ) -> None:
-    one = bench("i2c", settings=Settings(mode=Mode.GYRONLY))
+    one = bench("i2c", chip=Bno055Settings(mode="gyronly"))
     one.imus.open()
     one.fly(0.2)
     honest, taken, count = one.chips[0].read, [], 0

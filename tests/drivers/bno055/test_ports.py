@@ -1,58 +1,15 @@
-"""Registers over I2C and UART: errors by number, pacing, silence, answers that do not fit."""
+"""Registers over UART: pacing, silence, answers that do not fit."""
 
 import itertools
 
 import pytest
 
-from drivers.bno055.ports import I2cRegisterPort, Tca9548a, UartRegisterPort
+from drivers.bno055.ports import UartRegisterPort
 from drivers.errors import BusError, BusTimeoutError, FrameFormatError
 from sim_bus.clock import SimClock
-from tests.drivers.bno055_scripts import ScriptedI2c, ScriptedSerial
+from tests.drivers.bno055_scripts import ScriptedSerial
 
 MS = 1_000_000
-
-
-@pytest.mark.parametrize(
-    ("number", "counter", "kind"),
-    [
-        (5, "i2c_io", BusError),
-        (11, "i2c_arbitration_lost", BusError),
-        (110, "i2c_timeout", BusTimeoutError),
-        (121, "i2c_nak", BusError),
-        (6, "i2c_nak", BusError),
-        (107, "i2c_other", BusError),
-    ],
-)
-def test_kernel_errors_are_told_apart_by_number(number, counter, kind) -> None:
-    port = I2cRegisterPort(ScriptedI2c(OSError(number, "text")), 0x28)
-    with pytest.raises(kind, match=rf"read of register 0x14 at 0x28: text \(errno {number}\)"):
-        port.read(0x14, 6)
-    with pytest.raises(kind, match="write of register 0x07"):
-        port.write(0x07, b"\x00")
-    assert port.counters == {counter: 2}
-
-
-def test_short_i2c_answer_is_an_error() -> None:
-    port = I2cRegisterPort(ScriptedI2c(b"\x00\x01"), 0x28)
-    with pytest.raises(BusError, match="2 bytes, expected 6"):
-        port.read(0x14, 6)
-
-
-def test_multiplexer_is_switched_only_when_needed_and_again_after_an_error() -> None:
-    bus = ScriptedI2c(bytes(1))
-    mux = Tca9548a(bus, 0x70)
-    left, right = (I2cRegisterPort(bus, 0x28, mux=mux, channel=c) for c in (0, 3))
-    left.read(0, 1)
-    left.read(0, 1)
-    right.read(0, 1)
-    assert bus.writes == [(0x70, 1, b"\x01"), (0x70, 8, b"\x08")]
-    bus.script[0] = OSError(121, "nak")
-    with pytest.raises(BusError):
-        right.read(0, 1)
-    bus.script[0] = bytes(1)
-    right.read(0, 1)
-    assert bus.writes[-1] == (0x70, 8, b"\x08")
-    assert len(bus.writes) == 3
 
 
 def uart(*answers: bytes):

@@ -6,8 +6,8 @@ import can
 import numpy as np
 import pytest
 
-from drivers.bno055.registers import GYR_DATA, Mode
-from drivers.bno055.settings import Settings
+from avionics.config.chips import Bno055Settings
+from drivers.bno055.registers import GYR_DATA
 from drivers.can.imus import CanImus
 from drivers.can.pod.codec import encode
 from drivers.can.pod.messages import Axes, Identity, Kind, Sample, Sync
@@ -15,13 +15,13 @@ from sim_bus.buses.can_pod import SimCanBus
 from sim_bus.clock import SimClock
 from tests.drivers.wing_bench import SECOND
 
-RAW = Settings(mode=Mode.GYRONLY)
+RAW = Bno055Settings(mode="gyronly")
 
 
 @pytest.mark.parametrize("clock_ppm", [-100.0, 100.0])
 @pytest.mark.parametrize("local_start_us", [0, (1 << 32) - 2_000_000])
 def test_sample_times_are_within_100_us(bench, clock_ppm, local_start_us) -> None:
-    one = bench("can", settings=RAW, clock_ppm=clock_ppm, local_start_us=local_start_us)
+    one = bench("can", chip=RAW, clock_ppm=clock_ppm, local_start_us=local_start_us)
     one.imus.open()
     one.fly(3.0)
     (pod,) = one.pods
@@ -43,7 +43,7 @@ def test_sample_times_are_within_100_us(bench, clock_ppm, local_start_us) -> Non
 
 
 def test_two_pods_sample_at_once_when_the_sync_triggers_them(bench) -> None:
-    one = bench("can", pods=2, settings=RAW, trigger_hz=100.0, clock_ppm=60.0)
+    one = bench("can", pods=2, chip=RAW, trigger_hz=100.0, clock_ppm=60.0)
     one.fly(2.0)
     samples = one.fly(2.0)
     by_pod = {p: np.array([s.t_ns for s in samples if s.pod == p]) for p in ("0", "1")}
@@ -57,7 +57,7 @@ def test_two_pods_sample_at_once_when_the_sync_triggers_them(bench) -> None:
 
 def test_the_account_of_losses_closes(bench) -> None:
     # GIVEN 5 % of all frames lost WHEN flown THEN sent = received + counted
-    one = bench("can", settings=RAW)
+    one = bench("can", chip=RAW)
     one.imus.open()
     one.fly(1.0)
     one.fault("frame_drop", 0, 0.0, 10.0, probability=0.05)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drivers.bno055.ports import I2cRegisterPort
+from drivers.i2c_registers import I2cRegisterPort
 from drivers.icm42688.device import Icm42688
 from drivers.icm42688.settings import Settings
 from drivers.icm42688.spi_port import SpiRegisterPort

@@ -8,9 +8,7 @@ import pytest
 
 from avionics.config import Camera, Pod
 from avionics.config.links import GStreamerCamera, JetsonWhiteBalance
-from avionics.errors import ConfigError
-from avionics.flight import doctor as connections
-from avionics.flight.doctor import imu_openers
+from avionics.flight import hardware
 from drivers.cameras.gstreamer import JETSON_WHITE_BALANCE
 from drivers.can.pod.codec import decode
 from drivers.can.pod.messages import Sample
@@ -19,6 +17,7 @@ from sim_bus.buses.can_pod import SimPod
 from sim_bus.chip.bno055.chip import SimBno055
 from sim_bus.realtime import PacedClock
 from tests.drivers.wing_bench import Swing
+from tests.opening import open_imus
 
 CHANNEL = "triggered pods"
 
@@ -47,8 +46,7 @@ def test_triggered_links_make_the_sync_sample_all_pods() -> None:
         for pod in simulated:
             clock.on_advance(pod.step)
         try:
-            (opener,) = imu_openers(pods(True, True), clock)
-            imus = opener()
+            imus = open_imus(pods(True, True), clock)
             try:
                 heard: set[int] = set()
                 give_up_ns = clock.now_ns() + 20_000_000_000
@@ -68,12 +66,6 @@ def test_triggered_links_make_the_sync_sample_all_pods() -> None:
                 pod.close()
 
 
-def test_one_bus_is_triggered_as_a_whole_or_not_at_all() -> None:
-    (opener,) = imu_openers(pods(True, False), None)
-    with pytest.raises(ConfigError, match="some pods are triggered, some are not"):
-        opener()
-
-
 def test_what_a_pipeline_of_ones_own_would_ignore_is_refused() -> None:
     assert get_args(JetsonWhiteBalance) == JETSON_WHITE_BALANCE
     with pytest.raises(ValueError, match="white_balance is for the Jetson's own line"):
@@ -90,9 +82,9 @@ def test_a_camera_gets_what_the_configuration_fixes(monkeypatch) -> None:
         def open(self) -> None:
             pass
 
-    monkeypatch.setattr(connections, "FrameProcess", Process)
+    monkeypatch.setattr(hardware, "FrameProcess", Process)
     source = GStreamerCamera(exposure_us=2000, gain=4, white_balance="shade")
     lens = {"f_x_px": 500.0, "f_y_px": 500.0, "c_x_px": 320.0, "c_y_px": 240.0}
-    connections.open_camera(Camera(**lens, source=source), SteadyClock())
+    hardware.open_camera(Camera(**lens, source=source), SteadyClock())
     for part in ('exposuretimerange="2000000 2000000"', 'gainrange="4 4"', "wbmode=8"):
         assert part in lines[0]
