@@ -63,8 +63,8 @@ def cache_folder(part: str) -> Path | None:
 @cache
 def _warn_once(why: str) -> None:
     _LOG.warning(
-        "no cache: %s; machine code is compiled again in each process. Set XDG_CACHE_HOME to a "
-        "folder that can be written",
+        "no cache: %s; compiled code and prepared flights are made again each time. Set "
+        "XDG_CACHE_HOME to a folder that can be written",
         why,
     )
 

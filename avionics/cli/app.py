@@ -19,8 +19,8 @@ app = typer.Typer(
 )
 fly.register(app)
 desk.register(app)
-app.add_typer(rig.app, name="rig")
-app.add_typer(pos.app, name="pos")
+app.add_typer(rig.app, name="rig", rich_help_panel="Test and study")
+app.add_typer(pos.app, name="pos", rich_help_panel="Test and study")
 
 
 # The parent of every error of the command line, wherever this version of the library keeps it.
@@ -42,7 +42,9 @@ def _print_version(wanted: bool) -> None:
 def _root(
     show_version: Annotated[
         bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="Print version."),
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
     ] = False,
 ) -> None:
     """Avionics data logger and wing-shape estimator for flexible wings."""

@@ -10,8 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from avionics.cli import faults
-from avionics.cli.faults import Control, ask_bench, numbers
-from avionics.cli.output import Force, LogArgument, claim, read_log_path
+from avionics.cli.faults import ask_bench, numbers
+from avionics.cli.options import (
+    AsJson,
+    ConfigOrPackaged,
+    Control,
+    Force,
+    LogArgument,
+    OutputFile,
+    Overrides,
+    Seed,
+)
+from avionics.cli.output import claim, read_log_path
 from avionics.cli.signals import stopping
 from avionics.errors import AvionicsError
 from drivers.prompt_threads import prompt_threads
@@ -19,7 +29,6 @@ from drivers.prompt_threads import prompt_threads
 if TYPE_CHECKING:
     from avionics.config import Config
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
 WRITE_EVERY_S = 0.05
 
 
@@ -31,41 +40,54 @@ def register(app: typer.Typer) -> None:
 
 
 def serve(
-    scenario: Annotated[str, typer.Argument(metavar="SCENARIO", help="Packaged name or TOML.")],
-    config_path: Annotated[
-        Path | None, typer.Argument(metavar="[CONFIG.toml]", help="The wing; the packaged one.")
-    ] = None,
+    scenario: Annotated[
+        str, typer.Argument(metavar="SCENARIO", help="Packaged scenario, e.g. gust, or TOML.")
+    ],
+    config_path: ConfigOrPackaged = None,
     *,
-    can: Annotated[str | None, typer.Option(metavar="CHANNEL", help="CAN channel.")] = None,
-    interface: Annotated[
-        str, typer.Option(help="python-can interface of --can: socketcan, simbus, slcan, ...")
-    ] = "socketcan",
-    bitrate: Annotated[int | None, typer.Option(help="Where the interface sets it.")] = None,
-    i2c_dev: Annotated[
-        int | None, typer.Option(metavar="N", help="First /dev/i2c-N to make (root and CUSE).")
+    can: Annotated[
+        str | None, typer.Option(metavar="CHANNEL", help="Serve CAN pods on it.")
     ] = None,
-    uart: Annotated[bool, typer.Option("--uart", help="Serial lines on ptys.")] = False,
+    interface: Annotated[
+        str, typer.Option(metavar="NAME", help="python-can interface of --can, e.g. slcan.")
+    ] = "socketcan",
+    bitrate: Annotated[
+        int | None, typer.Option(metavar="N", help="Bit rate of --can, where it sets it.")
+    ] = None,
+    i2c_dev: Annotated[
+        int | None, typer.Option(metavar="N", help="Serve I2C as /dev/i2c-N and up (root, CUSE).")
+    ] = None,
+    uart: Annotated[bool, typer.Option("--uart", help="Serve serial chips on ptys.")] = False,
     uart_device: Annotated[
-        list[str] | None, typer.Option(metavar="TTY", help="Real serial ports instead of ptys.")
+        list[str] | None,
+        typer.Option(metavar="TTY", help="Real serial port instead of a pty; repeat."),
     ] = None,
     camera: Annotated[
-        Literal["pipe", "v4l2", "window"] | None, typer.Option(help="How pictures go out.")
+        Literal["pipe", "v4l2", "window"] | None,
+        typer.Option(help="Serve pictures: local socket, V4L2, web page."),
     ] = None,
     camera_device: Annotated[
-        str, typer.Option(metavar="DEV|HOST:PORT", help="V4L2 output device; place of the window.")
+        str,
+        typer.Option(
+            metavar="DEV|HOST:PORT", help="V4L2 output device, or address of the web page."
+        ),
     ] = "",
     pods: Annotated[
-        str | None, typer.Option(metavar="0,1", help="Which pods to simulate; default all.")
+        str | None, typer.Option(metavar="0,1", help="Pods to simulate; default: all.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="TRUTH.mcap", help="Truth to write.")
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="TRUTH.mcap",
+            help="Log of the truth; default: truth-<scenario>-<seed>.mcap.",
+        ),
     ] = None,
     write_config: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the flying side's configuration.")
+        Path | None, typer.Option(metavar="FILE", help="Write the configuration to fly it with.")
     ] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a config key.")
-    ] = None,
+    overrides: Overrides = None,
     lead: Annotated[
         float, typer.Option(min=1.5, metavar="S", help="Rest before the scenario begins.")
     ] = 10.0,
@@ -83,7 +105,7 @@ def serve(
             "--duration, or the scenario's own; at most 600.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 0,
+    seed: Seed = 0,
     control: Control = None,
     as_json: AsJson = False,
     force: Force = False,
@@ -243,7 +265,9 @@ def _inline(link: dict[str, Any] | None) -> str:
 
 
 def start(
-    lead: Annotated[float, typer.Option(min=1.5, metavar="S", help="Rest until then.")] = 2.0,
+    lead: Annotated[
+        float, typer.Option(min=1.5, metavar="S", help="Rest before the scenario begins.")
+    ] = 2.0,
     control: Control = None,
 ) -> None:
     """Let the scenario of a held bench begin.
@@ -294,11 +318,13 @@ def stop(
 
 def join(
     log: LogArgument,
-    truth: Annotated[Path, typer.Argument(metavar="TRUTH.mcap", help="Of `avionics rig serve`.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="To write.")],
+    truth: Annotated[
+        Path, typer.Argument(metavar="TRUTH.mcap", help="Truth of `avionics rig serve`.")
+    ],
+    output: OutputFile,
     clock: Annotated[
         Literal["auto", "shared", "rates"],
-        typer.Option(help="How clocks are aligned: one machine's own, or by the gyro rates."),
+        typer.Option(help="Clocks: one machine's (shared), or aligned by the gyro rates."),
     ] = "auto",
     *,
     as_json: AsJson = False,

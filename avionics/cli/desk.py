@@ -10,20 +10,21 @@ from typing import Annotated, Literal
 
 import typer
 
-from avionics.cli.output import Force, LogArgument, claim, progress_bar, read_log_path
+from avionics.cli.options import AsJson, Force, LogArgument, OutputFile, Overrides
+from avionics.cli.output import claim, progress_bar, read_log_path
 
-OutputFile = Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="File to write.")]
+PANEL = "Work with logs and data sets"
 
 
 def register(app: typer.Typer) -> None:
     """Add this module's commands to the command line."""
-    app.command("import")(import_)
-    for command in (replay, evaluate, export, report, info, recover):
-        app.command()(command)
+    for command in (info, evaluate, report, export, replay, recover):
+        app.command(rich_help_panel=PANEL)(command)
+    app.command("import", rich_help_panel=PANEL)(import_)
 
 
 def import_(
-    directory: Annotated[Path, typer.Argument(metavar="DATASET_DIR", help="The data set.")],
+    directory: Annotated[Path, typer.Argument(metavar="FOLDER", help="Data set with a wing.yaml.")],
     output: OutputFile,
     *,
     calibrate: Annotated[
@@ -36,11 +37,12 @@ def import_(
 
     Example: avionics import wing-sweep/ -o sweep.mcap --calibrate
     """
+    claim(output, force=force)
+
     from rich.console import Console  # noqa: PLC0415
 
     from avionics.datasets.import_set import import_set  # noqa: PLC0415
 
-    claim(output, force=force)
     with progress_bar("importing", None) as progress:
         summary = import_set(directory, output, calibrate=calibrate, force=force, progress=progress)
     Console().print(summary.text())
@@ -51,11 +53,10 @@ def replay(
     log: LogArgument,
     output: OutputFile,
     config: Annotated[
-        Path | None, typer.Option("--config", help="Configuration instead of the log's own.")
+        Path | None,
+        typer.Option("--config", metavar="FILE", help="Configuration instead of the log's own."),
     ] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a config key.")
-    ] = None,
+    overrides: Overrides = None,
     tracker: Annotated[
         str | None,
         typer.Option("--tracker", metavar="NAME", help="Track the images again, by led, kcf ..."),
@@ -102,7 +103,7 @@ def replay(
 def evaluate(
     log: LogArgument,
     *,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compare the estimates with the truth or motion capture inside the log.
 
@@ -122,9 +123,11 @@ def evaluate(
 
 def export(
     log: LogArgument,
-    directory: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder.")],
+    directory: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FOLDER", help="Folder for the tables.")
+    ],
     table_format: Annotated[
-        Literal["csv", "parquet"], typer.Option("--format", help="Form of the tables.")
+        Literal["csv", "parquet"], typer.Option("--format", help="Format of the tables.")
     ] = "csv",
     *,
     force: Force = False,
@@ -170,7 +173,7 @@ def info(log: LogArgument) -> None:
 
 
 def recover(
-    broken: Annotated[Path, typer.Argument(metavar="BROKEN.mcap", help="The cut log.")],
+    broken: Annotated[Path, typer.Argument(metavar="BROKEN.mcap", help="Log that was cut off.")],
     output: OutputFile,
     *,
     force: Force = False,

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from avionics.cli.options import Control
 from avionics.errors import AvionicsError
 
 app = typer.Typer(
@@ -12,9 +13,6 @@ app = typer.Typer(
     "Example: avionics rig fault on pod_silent 'pod 0' --for 2",
     no_args_is_help=True,
 )
-Control = Annotated[
-    Path | None, typer.Option("--control", metavar="SOCKET", help="Control socket of the bench.")
-]
 
 
 def ask_bench(control: Path | None, request: dict[str, Any]) -> dict[str, Any]:
@@ -39,8 +37,10 @@ def numbers(text: str) -> frozenset[int]:
         raise AvionicsError(msg) from None
 
 
-Kind = Annotated[str, typer.Argument(metavar="KIND", help="See `avionics rig fault list`.")]
-Target = Annotated[str, typer.Argument(metavar="TARGET", help="'pod 0', 'camera' or '*'.")]
+Kind = Annotated[
+    str, typer.Argument(metavar="KIND", help="What fails; see `avionics rig fault list`.")
+]
+Target = Annotated[str, typer.Argument(metavar="TARGET", help="Where: 'pod 0', 'camera' or '*'.")]
 
 
 @app.command("on")
@@ -48,12 +48,19 @@ def fault_on(
     kind: Kind,
     target: Target,
     *,
-    value: Annotated[float, typer.Option(help="Strength, where the kind has one.")] = 1.0,
-    probability: Annotated[float, typer.Option(min=0, max=1, help="Chance each time.")] = 1.0,
+    value: Annotated[
+        float, typer.Option(metavar="X", help="Strength, where the kind has one.")
+    ] = 1.0,
+    probability: Annotated[
+        float, typer.Option(min=0, max=1, metavar="P", help="Chance each time, 0 to 1.")
+    ] = 1.0,
     duration: Annotated[
-        float | None, typer.Option("--for", metavar="S", help="Until switched off if absent.")
+        float | None,
+        typer.Option("--for", metavar="S", help="How long; default: until switched off."),
     ] = None,
-    markers: Annotated[str, typer.Option(metavar="0,1", help="Of marker_hidden.")] = "",
+    markers: Annotated[
+        str, typer.Option(metavar="0,1", help="Which markers; for marker_hidden.")
+    ] = "",
     control: Control = None,
 ) -> None:
     """Switch a fault on.

@@ -10,30 +10,32 @@ from typing import Annotated
 
 import typer
 
-from avionics.cli.output import Force, claim, progress_bar
+from avionics.cli.options import ConfigArgument, ConfigOrPackaged, Force, Overrides, Seed
+from avionics.cli.output import claim, progress_bar
 from avionics.cli.signals import stopping
 from drivers.clock import SteadyClock, boot_id, utc_offset_ns
 
-ConfigArgument = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="Configuration.")]
-Output = Annotated[Path | None, typer.Option("-o", "--output", help="Log to write.")]
-Overrides = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a config key.")
-]
+PANEL = "Fly"
 
 
 def register(app: typer.Typer) -> None:
     """Add this module's commands to the command line."""
-    app.command()(run)
-    app.command()(sim)
-    app.command()(doctor)
+    for command in (doctor, run, sim):
+        app.command(rich_help_panel=PANEL)(command)
 
 
 def run(
     config_path: ConfigArgument,
     duration: Annotated[
-        float | None, typer.Option(min=0.1, metavar="S", help="Stop after S seconds.")
+        float | None,
+        typer.Option(min=0.1, metavar="S", help="Stop after S seconds; default: at Ctrl-C."),
     ] = None,
-    output: Output = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="Log to write; default: flight-<time>.mcap."
+        ),
+    ] = None,
     overrides: Overrides = None,
     *,
     force: Force = False,
@@ -73,23 +75,30 @@ def run(
 
 
 def sim(
-    config_path: Annotated[
-        Path | None,
-        typer.Argument(metavar="[CONFIG.toml]", help="Configuration; the packaged one if absent."),
-    ] = None,
+    config_path: ConfigOrPackaged = None,
     *,
     scenario: Annotated[
         str,
-        typer.Option(metavar="NAME|FILE", help="Packaged scenario or a TOML file."),
+        typer.Option(metavar="NAME|FILE", help="Packaged scenario, e.g. gust, or a TOML file."),
     ] = "default",
     duration: Annotated[
-        float | None, typer.Option(min=0.1, metavar="S", help="Length of the flight.")
+        float | None,
+        typer.Option(min=0.1, metavar="S", help="Length of the flight; default: the scenario's."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 0,
-    output: Output = None,
+    seed: Seed = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="Log to write; default: sim-<scenario>-<seed>.mcap.",
+        ),
+    ] = None,
     overrides: Overrides = None,
     realtime: Annotated[
-        bool, typer.Option("--realtime", help="Fly at the pace of a wall clock, with threads.")
+        bool,
+        typer.Option("--realtime", help="Fly at the pace of the wall clock, with threads."),
     ] = False,
     force: Force = False,
 ) -> None:
@@ -159,12 +168,12 @@ def doctor(config_path: ConfigArgument) -> None:
     from avionics.flight.doctor import probe  # noqa: PLC0415
 
     findings = probe(config)
-    table = Table(box=None, pad_edge=False)
-    for heading in ("", "what", "found", "remedy"):
-        table.add_column(heading, overflow="fold")
+    table = Table.grid(padding=(0, 2))
     for finding in findings:
         mark = "[green]ok[/]" if finding.ok else "[red]missing[/]"
-        table.add_row(mark, *(escape(t) for t in (finding.what, finding.found, finding.remedy)))
+        table.add_row(mark, escape(f"{finding.what}: {finding.found}"))
+        if finding.remedy:
+            table.add_row("", escape(f"-> {finding.remedy}"))
     Console().print(table)
     if not all(finding.ok for finding in findings):
         raise typer.Exit(1)

@@ -5,14 +5,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from avionics.errors import AvionicsError, OutputExistsError
-
-Force = Annotated[bool, typer.Option("--force", help="Overwrite existing output.")]
-LogArgument = Annotated[Path, typer.Argument(metavar="LOG.mcap", help="The log to read.")]
 
 PROGRESS_AFTER_S = 2.0
 

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from avionics.cli.output import Force, progress_bar
+from avionics.cli.options import Force, OutputFolder
+from avionics.cli.output import progress_bar
 from avionics.desk import desk_imports
 from avionics.errors import AvionicsError, OutputExistsError
 
@@ -29,7 +30,7 @@ def run(
             metavar="NAME|SPEC.toml", help="gong-table2, gong-table4, guo-table1, or a file."
         ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")],
+    output: OutputFolder,
     profile: Annotated[
         str, typer.Option("--profile", help="Reading of the paper, or 'all'.")
     ] = "all",
@@ -80,7 +81,7 @@ def run(
 @app.command()
 def drive(
     recording: Annotated[Path, typer.Argument(metavar="CSV", help="Recorded car drive.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")],
+    output: OutputFolder,
     seeds: Annotated[
         str, typer.Option("--seeds", metavar="A:B", help="First and last seed.")
     ] = "1:10",
@@ -123,7 +124,7 @@ def design(
     question: Annotated[
         str, typer.Argument(metavar="NAME|DESIGN.toml", help="wing-nodes, or a file.")
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")],
+    output: OutputFolder,
     force: Force = False,
 ) -> None:
     """Say which node needs an IMU and which can do with gyros: covariance analysis, a picture.

@@ -13,8 +13,8 @@ from avionics.cli import bench
 from avionics.errors import AvionicsError
 
 app = typer.Typer(
-    help="Real CAN, I2C and serial kernels without hardware.\n\n"
-    "Example: avionics rig run -- candump vcan0",
+    help="A simulated wing on real buses, and kernels with CAN, I2C and ttys to test in.\n\n"
+    "Example: avionics rig serve default --can vcan0 --write-config fly.toml",
     no_args_is_help=True,
 )
 bench.register(app)
@@ -27,15 +27,19 @@ class GuestKernel(str, Enum):
     VM = "vm"
 
 
-@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
+@app.command(
+    options_metavar="[OPTIONS] -- COMMAND",
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+)
 def run(
     context: typer.Context,
     out: Annotated[
         Path | None,
         typer.Option(
             "--out",
-            help="Folder shared with the guest (RIG_OUT); a temporary one that is removed if the "
-            "command succeeds.",
+            metavar="FOLDER",
+            help="Folder shared with the guest (RIG_OUT); default: a temporary one, removed if "
+            "the command succeeds.",
         ),
     ] = None,
     kernel: Annotated[
@@ -43,13 +47,16 @@ def run(
         typer.Option("--kernel", help="User Mode Linux, or a virtual machine with V4L2."),
     ] = GuestKernel.UML,
     limit: Annotated[
-        float, typer.Option("--limit", min=1.0, metavar="S", help="Longest life.")
+        float,
+        typer.Option("--limit", min=1.0, metavar="S", help="Longest time the command may take."),
     ] = 600.0,
-    memory: Annotated[int, typer.Option("--memory", min=64, metavar="MIB", help="Memory.")] = 768,
+    memory: Annotated[
+        int, typer.Option("--memory", min=64, metavar="MIB", help="Memory of the guest.")
+    ] = 768,
 ) -> None:
     """Run a command in a guest kernel that sees this machine's files, read-only.
 
-    Example: avionics rig run -- pytest tests/can
+    Example: avionics rig run -- pytest tests/drivers/can
     """
     from sim_bus.guests.guest import STATUS_DIED  # noqa: PLC0415
     from sim_bus.guests.kinds import RUNNERS  # noqa: PLC0415
