@@ -5,17 +5,17 @@ from dataclasses import dataclass, field
 import can
 import numpy as np
 
-from avionics.config.chips import Bno055Settings
-from avionics.config.links import CanLink, I2cLink, Link, UartLink
+from avionics.config.chips import Bno055Settings, Chip
+from avionics.config.links import CanLink, I2cLink, Link, SpiLink, UartLink
 from avionics.flight.assemble import Mount, imu_sources
 from drivers.interfaces import ImuSource
 from drivers.samples import ImuSample
 from sim_bus.buses.can_pod import SimPod
 from sim_bus.buses.factory import SimBuses
 from sim_bus.buses.faults import Fault, FaultPlan
-from sim_bus.chip.bno055.chip import SimBno055
 from sim_bus.chip.kinds import make_sim_chip
 from sim_bus.chip.sensing import PERFECT, ImuGrade
+from sim_bus.chip.sim_chip import SimChip
 from sim_bus.clock import SimClock
 
 SECOND = 1_000_000_000
@@ -48,7 +48,7 @@ class Bench:
     """A source of IMU samples with its chips, its clock and its faults."""
 
     clock: SimClock
-    chips: list[SimBno055]
+    chips: list[SimChip]
     imus: ImuSource
     plan: FaultPlan
     pods: list[SimPod] = field(default_factory=list)
@@ -79,7 +79,7 @@ def make_bench(
     bus: str,
     pods: int = 1,
     *,
-    chip: Bno055Settings | None = None,
+    chip: Chip | None = None,
     grade: ImuGrade = GOOD,
     faults: list[Fault] | None = None,
     seed: int = 1,
@@ -95,7 +95,7 @@ def make_bench(
     wanted = chip or Bno055Settings()
     if trigger_hz:
         wanted = wanted.model_copy(update={"rate_hz": trigger_hz})
-    links = [link_of(bus, n, mux=mux, triggered=trigger_hz > 0) for n in range(pods)]
+    links = [link_of(bus, n, wanted, mux=mux, triggered=trigger_hz > 0) for n in range(pods)]
     mounts = [Mount(str(n), link, wanted) for n, link in enumerate(links)]
     chips = {
         mount.name: make_sim_chip(
@@ -116,7 +116,9 @@ def make_bench(
     return Bench(clock, list(chips.values()), imus, plan, buses.pods)
 
 
-def link_of(bus: str, number: int, *, mux: bool = False, triggered: bool = False) -> Link:
+def link_of(
+    bus: str, number: int, chip: Chip, *, mux: bool = False, triggered: bool = False
+) -> Link:
     """Return how one of several pods is connected to a kind of bus."""
     if bus == "can":
         return CanLink(
@@ -124,6 +126,9 @@ def link_of(bus: str, number: int, *, mux: bool = False, triggered: bool = False
         )
     if bus == "uart":
         return UartLink(kind="uart", port=f"/dev/ttyS{number}")
+    if bus == "spi":
+        return SpiLink(kind="spi", device=number)
+    address, *_ = chip.addresses
     if mux:
-        return I2cLink(mux_address=0x70, mux_channel=number)
-    return I2cLink(address=0x28 + number)
+        return I2cLink(address=address, mux_address=0x70, mux_channel=number)
+    return I2cLink(address=address + number)
