@@ -1,5 +1,6 @@
 """How good the estimates of a flight are, where the log holds the truth."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,11 +48,12 @@ class Evaluation:
         result["tracks"] = self.tracks
         return result
 
-    def table(self) -> Table:
-        """Return the figures for a person."""
+    def table(self, about: str = "") -> Table:
+        """Return the figures for a person; ``about`` stands before the title."""
         # Fits a terminal of 80 columns: units stand in a second line of the heads.
         title = (
-            f"against {self.truth}, after the first {SETTLE_S:.0f} s; marker error (Eq. 17), tip"
+            f"{about}against {self.truth}, after the first {SETTLE_S:.0f} s;"
+            " marker error (Eq. 17), tip"
         )
         table = Table(title=title, title_justify="left", box=None, pad_edge=False)
         table.add_column("estimate")
@@ -85,21 +87,53 @@ def evaluate(flight: Flight, wing: str | None = None) -> Evaluation:
     """
     log = flight.path
     data = flight.wing if wing is None else flight.wings[wing]
+    of = f" of wing '{data.name}'" if len(flight.wings) > 1 else ""
     if not data.estimates:
-        msg = f"{log}: holds no estimates; make them with: avionics replay {log} -o replayed.mcap"
+        msg = (
+            f"{log}: holds no estimates{of}; make them with: avionics replay {log} -o replayed.mcap"
+        )
         raise RecordingError(msg)
     if data.truth is None:
-        msg = f"{log}: holds no truth and no motion capture; there is nothing to compare with"
+        msg = f"{log}: holds no truth and no motion capture{of}; there is nothing to compare with"
         raise RecordingError(msg)
     comparison = compare(flight, data)
     if not comparison.t_ns.size:
         msg = (
-            f"{log}: estimates and truth have no instant in common after the first "
+            f"{log}: estimates and truth{of} have no instant in common after the first "
             f"{SETTLE_S:.0f} s, which are not scored"
         )
         raise RecordingError(msg)
     kinds = {kind: comparison.score(data.estimates[kind]) for kind in sorted(data.estimates)}
     return Evaluation(data.truth.source, kinds, _track_figures(flight.camera_of(data)))
+
+
+def evaluate_wings(flight: Flight) -> dict[str, Evaluation]:
+    """Compare the estimates of every wing with its truth.
+
+    Parameters
+    ----------
+    flight : Flight
+        A log with estimates and truth.
+
+    Returns
+    -------
+    dict of str to Evaluation
+        By name of the wing, in the order of the configuration.
+
+    Raises
+    ------
+    RecordingError
+        As ``evaluate``, for the first wing that cannot be compared.
+    """
+    order = [one.wing.name for one in flight.config.wing_configs]
+    names = sorted(flight.wings, key=lambda name: order.index(name) if name in order else 0)
+    return {name: evaluate(flight, name) for name in names}
+
+
+def figures(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
+    """Return the figures of a flight for ``json.dumps``: its only wing's, or ``wings`` by name."""
+    by_wing = {name: one.to_json_dict() for name, one in evaluations.items()}
+    return next(iter(by_wing.values())) if len(by_wing) == 1 else {"wings": by_wing}
 
 
 def compare(flight: Flight, wing: WingData, *, settle_s: float = SETTLE_S) -> Comparison:

@@ -82,12 +82,15 @@ def tables_of(topics: Mapping[str, TopicArrays], config: FlightConfig) -> dict[s
     -------
     dict of str to Table
         ``imu_<pod>``, ``frames``, ``tracks``, ``estimate_<kind>``, ``innovations``, ``truth``,
-        ``health``, ``events``; those of a second camera or wing carry its name.
+        ``health``, ``events``. Where several wings flew, tables of a wing or a camera carry its
+        name, e.g. ``estimate_crg_left``; otherwise those of a second camera or wing do.
     """
     tables: dict[str, Table] = {}
+    several = len(config.wing_configs) > 1
     for topic, arrays in topics.items():
         for base, columns in _tables(arrays, config).items():
-            name = f"{base}_{topic.split('/')[2]}" if base in tables else base
+            is_named = several and topic.startswith(("/wing/", "/camera/"))
+            name = f"{base}_{topic.split('/')[2]}" if is_named or base in tables else base
             tables[name] = Table(name, topic, columns)
     return tables
 

@@ -111,14 +111,16 @@ def evaluate(
     """
     from rich.console import Console  # noqa: PLC0415
 
-    from avionics.analysis.evaluate import evaluate as evaluate_flight  # noqa: PLC0415
+    from avionics.analysis.evaluate import evaluate_wings, figures  # noqa: PLC0415
     from avionics.analysis.flight import read_flight  # noqa: PLC0415
 
-    evaluation = evaluate_flight(read_flight(read_log_path(log)))
+    evaluations = evaluate_wings(read_flight(read_log_path(log)))
     if as_json:
-        print(json.dumps(evaluation.to_json_dict(), indent=2))
-    else:
-        Console().print(evaluation.table())
+        print(json.dumps(figures(evaluations), indent=2))
+        return
+    for name, evaluation in evaluations.items():
+        about = f"wing {name}\n" if len(evaluations) > 1 else ""
+        Console().print(evaluation.table(about))
 
 
 def export(

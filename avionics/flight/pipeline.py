@@ -12,6 +12,7 @@ from avionics.flight.imu_channel import ImuChannel
 from avionics.flight.outputs import Outbox
 from avionics.kinds import GS
 from avionics.records import MarkerPrediction, MarkerTracks
+from avionics.topics import ROOT
 from avionics.wse.adaptive_noise import NO_VERDICT, Sighting, Verdict
 from avionics.wse.fusion import WingFusion
 from avionics.wse.gyro_inputs import GyroInputs
@@ -21,7 +22,6 @@ from drivers.samples import ImuSample
 if TYPE_CHECKING:
     from avionics.pos.wing_gs import WingGs
 
-ROOT = "root"
 ESTIMATOR = "estimator"
 
 

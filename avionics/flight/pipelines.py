@@ -6,9 +6,9 @@ from avionics.config import ByCamera, FlightConfig
 from avionics.flight.estimate_rows import RowMaker
 from avionics.flight.health import HealthLog
 from avionics.flight.outputs import BatchSink, Outbox, RowWriter
-from avionics.flight.pipeline import ESTIMATOR, ROOT, Pipeline
+from avionics.flight.pipeline import ESTIMATOR, Pipeline
 from avionics.records import MarkerPrediction, MarkerTracks
-from avionics.topics import Record, Sink
+from avionics.topics import ROOT, Record, Sink
 from drivers.samples import ImuSample
 
 # A jump of the arrival clock beyond this is not bridged by rows.

@@ -53,16 +53,19 @@ class Page:
         HTML so far.
     figures : int
         Figures so far; they are numbered.
+    chapter : str
+        What headings begin with, e.g. "Wing left: ".
     """
 
     title: str
     subtitle: str
     parts: list[str] = field(default_factory=list)
     figures: int = 0
+    chapter: str = ""
 
     def heading(self, text: str) -> None:
         """Begin a section."""
-        self.parts.append(f"<h2>{escape(text)}</h2>")
+        self.parts.append(f"<h2>{escape(self.chapter + text)}</h2>")
 
     def paragraph(self, text: str, *, is_warning: bool = False) -> None:
         """Add plain words."""

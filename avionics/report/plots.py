@@ -14,6 +14,7 @@ from avionics.kinds import CRG, PAPER, RG, TRACKS, TRUTH, style_of
 from avionics.records import FloatArray
 from avionics.report.scores import Curve
 from avionics.report.subject import Subject
+from avionics.topics import ROOT
 
 AXIS_COLOURS = {"x": "#c8102e", "y": "#1a7f37", "z": "#1f6feb"}
 STYLE: dict[Any, Any] = {
@@ -186,7 +187,7 @@ def rates_figure(subject: Subject) -> Figure:
 
 
 def _pod(name: str) -> str:
-    return "root" if name == "root" else f"pod {name}"
+    return name if name == ROOT else f"pod {name}"
 
 
 def bias_figure(subject: Subject, estimates: EstimateSeries) -> Figure:

@@ -14,7 +14,7 @@ from avionics.recording.attached import CONFIG_TOML
 from avionics.report import plots, plots_shape
 from avionics.report.page import Page
 from avionics.report.scores import HEAD, NOTE
-from avionics.report.subject import Subject, subject_of
+from avionics.report.subject import Subject, subjects_of
 from drivers.samples import Frame
 
 MAX_EVENTS = 60
@@ -22,30 +22,27 @@ MAX_EVENTS = 60
 
 def build_page(flight: Flight, progress: Callable[[float], None]) -> str:
     """Return the page of a log as HTML."""
-    subject = subject_of(flight)
-    page = Page(f"Flight report: {flight.path.name}", _subtitle(subject))
-    sections: tuple[Callable[[], None], ...] = (
-        lambda: _summary(page, subject),
-        lambda: _errors(page, subject),
-        lambda: _shapes(page, subject),
-        lambda: _tip(page, subject),
-        lambda: _gyros(page, subject),
-        lambda: _camera(page, subject),
-        lambda: _losses(page, subject),
-        lambda: _attached(page, flight),
-    )
+    subjects = subjects_of(flight)
+    page = Page(f"Flight report: {flight.path.name}", _subtitle(subjects))
+    done = 0
     with rc_context(plots.STYLE):
-        for number, section in enumerate(sections):
-            section()
-            progress(number + 1)
+        for subject in subjects:
+            page.chapter = f"Wing {subject.config.wing.name}: " if len(subjects) > 1 else ""
+            for section in (_summary, _errors, _shapes, _tip, _gyros, _camera):
+                section(page, subject)
+                progress(done := done + 1)
+        page.chapter = ""
+        for section in (_losses, _attached):
+            section(page, subjects[0])
+            progress(done := done + 1)
     return page.html()
 
 
-def _subtitle(subject: Subject) -> str:
-    info, wing = subject.info, subject.config.wing
+def _subtitle(subjects: Sequence[Subject]) -> str:
+    info, wings = subjects[0].info, [subject.config.wing for subject in subjects]
     command = info.metadata.get("command", "")
     said = [
-        f"wing '{wing.name}', span {wing.span_m:g} m",
+        *(f"wing '{wing.name}', span {wing.span_m:g} m" for wing in wings),
         f"{info.duration_s:.1f} s",
         f"recorded by 'avionics {command}'" if command else "",
         f"replayed from {source}" if (source := info.metadata.get("replayed_from")) else "",
@@ -253,7 +250,8 @@ def _losses(page: Page, subject: Subject) -> None:
         page.paragraph(f"And {len(events) - MAX_EVENTS} more; 'avionics export' has all.")
 
 
-def _attached(page: Page, flight: Flight) -> None:
+def _attached(page: Page, subject: Subject) -> None:
+    flight = subject.flight
     page.heading("Attached to the log")
     sizes = [(name, f"{len(data)}") for name, data in flight.attachments.items()]
     page.table(("file", "bytes"), sizes, numbers=1)

@@ -11,13 +11,15 @@ from avionics.analysis.series import (
     TimeArray,
     TrackSeries,
     TruthSeries,
+    WingData,
     in_time_order,
 )
-from avionics.config import Config, one_wing
+from avionics.config import Config
 from avionics.errors import RecordingError
 from avionics.kinds import CRG
 from avionics.records import FloatArray
 from avionics.report.scores import Scores, score_flight
+from avionics.topics import ROOT
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,28 +80,36 @@ class Subject:
         return [marker.id for marker in self.config.markers] or list(range(count))
 
 
-def subject_of(flight: Flight) -> Subject:
-    """Return what there is to report of a log.
+def subjects_of(flight: Flight) -> tuple[Subject, ...]:
+    """Return what there is to report of the wings of a log, in the order of the configuration.
 
     Raises
     ------
     RecordingError
         If it holds neither gyro samples nor estimates.
-    ConfigError
-        If several wings flew.
     """
-    config = one_wing(flight.config, f"{flight.path}: report")
-    wing = flight.wing
-    if not flight.imu and not wing.estimates:
+    wings = flight.wings
+    if not flight.imu and not any(wing.estimates for wing in wings.values()):
         msg = f"{flight.path}: holds neither gyro samples nor estimates; there is nothing to report"
         raise RecordingError(msg)
+    configs = flight.config.wing_configs
+    if len(configs) == 1:
+        return (_subject(flight, flight.wing, configs[0], set(flight.imu)),)
+    return tuple(
+        _subject(flight, wings[name], one, {ROOT, *one.pod_names})
+        for one in configs
+        if (name := one.wing.name) in wings
+    )
+
+
+def _subject(flight: Flight, wing: WingData, config: Config, pods: set[str]) -> Subject:
     camera = flight.camera_of(wing)
     tracks = None if camera is None else camera.tracks
     return Subject(
         flight,
         log_info(flight),
         config,
-        {pod: in_time_order(flight.imu[pod]) for pod in sorted(flight.imu)},
+        {pod: in_time_order(flight.imu[pod]) for pod in sorted(flight.imu) if pod in pods},
         {kind: in_time_order(one) for kind, one in wing.estimates.items()},
         None if tracks is None else in_time_order(tracks),
         None if camera is None else camera.frames,

@@ -1,6 +1,7 @@
 """GIVEN a left and a right wing of one aircraft whose root rolls and pitches WHEN they fly in one
 log THEN each has its own pipeline, and the root's motion is no shape of either."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -171,3 +172,53 @@ def test_a_wing_is_estimated_alone_as_beside_the_other(log, logged, records, win
         rows = [row for row in rows_of(alone, wing, kind) if row.t_ns in beside]
         assert len(rows) > 0.98 * len(beside)
         assert all(encode(row, 0) == encode(beside[row.t_ns], 0) for row in rows)
+
+
+def test_evaluate_and_report_speak_of_both_wings(avionics, log: Path, tmp_path: Path) -> None:
+    done = avionics("evaluate", log, "--json")
+    assert done.status == 0, done.err
+    figures = json.loads(done.out)["wings"]
+    assert list(figures) == list(WINGS)
+    for wing in WINGS:
+        # As one wing alone, at half its pixels a degree.
+        assert figures[wing]["truth"] == "sim"
+        assert figures[wing]["crg"]["eq17_px"]["median"] < 0.5
+        assert figures[wing]["crg"]["eq17_px"]["p95"] < 1.25
+        assert figures[wing]["crg"]["tip_mm"]["rmse"] < 5.0
+        assert figures[wing]["tracks"]["found"] > 0.9
+    told = avionics("evaluate", log).out
+    assert "wing right" in told
+    assert "wing left" in told
+    page = tmp_path / "report.html"
+    assert avionics("report", log, "-o", page).status == 0
+    text = page.read_text(encoding="utf-8")
+    for wing in WINGS:
+        for heading in ("What flew", "Error against the truth", "Tip deflection", "Gyros"):
+            assert f"<h2>Wing {wing}: {heading}</h2>" in text
+    assert text.count("<h2>Events</h2>") == 1
+
+
+def test_tables_of_several_wings_carry_their_names(avionics, log: Path, tmp_path: Path) -> None:
+    assert avionics("export", log, "-o", tmp_path).status == 0
+    names = {path.stem for path in tmp_path.iterdir()}
+    both = ("estimate_rg", "estimate_crg", "estimate_filtered", "truth", "tracks", "innovations")
+    assert {f"{base}_{wing}" for base in both for wing in WINGS} <= names
+    assert not names & {*both, "frames"}
+    assert {"imu_0", "imu_3", "imu_root", "events", "health"} <= names
+    with (tmp_path / "estimate_crg_left.csv").open(encoding="utf-8") as file:
+        heads = file.readline()
+    assert "bias_2_x_rad_s" in heads
+    assert "bias_0_x_rad_s" not in heads
+
+
+def test_info_names_the_wings(avionics, log: Path) -> None:
+    told = avionics("info", log).out
+    for wing in WINGS:
+        assert f"wing '{wing}': span 1.5 m, 2 pods, 6 markers, camera '{wing}'" in told
+
+
+def test_what_takes_one_wing_says_so(avionics, log: Path, tmp_path: Path) -> None:
+    done = avionics("rig", "serve", "default", EXAMPLE, "-o", tmp_path / "truth.mcap")
+    assert done.status != 0
+    assert "takes one wing" in done.err
+    assert "right, left" in done.err

@@ -13,7 +13,7 @@ pytest.importorskip("matplotlib")
 
 from avionics.report.build import write_report
 from avionics.report.plots_shape import choose_instants
-from avionics.report.subject import subject_of
+from avionics.report.subject import subjects_of
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_same_log_gives_the_same_page(log: Path, page: str, tmp_path: Path) -> N
 
 
 def test_instants_are_the_extremes_of_the_thirds(log: Path) -> None:
-    subject = subject_of(read_flight(log))
+    subject = subjects_of(read_flight(log))[0]
     instants = choose_instants(subject)
     heights = [-line_m(one.t_ns * 1e-9)[-1, 2] for one in instants]
     assert [one.label for one in instants] == ["t1", "t2", "t3", "t4"]
