@@ -94,7 +94,7 @@ KEPT: dict[type, Kept] = {
     WingShapeEstimate: Kept(EstimateSeries, ("wing", "kind", "basis"), _estimates),
     Truth: Kept(TruthSeries, ("wing", "source"), _truths),
 }
-"""By record; the others are rare (events), long in their own way (health), or pictures."""
+"""By record. Events, health and pictures have their own way; others are only counted."""
 
 
 class SeriesCollector:

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 from google.protobuf.message import DecodeError
 from mcap.records import Channel, Schema
 
-from avionics.analysis.collectors import HealthCollector, SeriesCollector
+from avionics.analysis.collectors import KEPT, HealthCollector, SeriesCollector
 from avionics.analysis.frames import IMAGE_SCHEMA, FrameCollector, Frames
 from avionics.analysis.series import HealthSeries, Series
 from avionics.recording import Damage
@@ -129,7 +129,7 @@ class _Pass:
             self._health.setdefault(topic, HealthCollector()).take(record, arrival_ns)
         elif isinstance(record, Event):
             self._events.setdefault(topic, []).append(record)
-        else:
+        elif type(record) in KEPT:
             collector = self._series.get(topic)
             if collector is None:
                 collector = self._series[topic] = SeriesCollector(topic, record)

@@ -10,7 +10,8 @@ import numpy as np
 from avionics.analysis.flight import Flight
 from avionics.analysis.tables import Column, Table
 from avionics.desk import desk_imports
-from avionics.errors import OutputExistsError, RecordingError
+from avionics.errors import RecordingError
+from avionics.output_paths import claim_folder
 
 TableFormat = Literal["csv", "parquet"]
 
@@ -58,7 +59,7 @@ def export(
         msg = f"{flight.path}: holds no records; there is nothing to export"
         raise RecordingError(msg)
     paths = {table.name: directory / f"{table.name}.{table_format}" for table in tables}
-    _prepare(directory, list(paths.values()), force=force)
+    claim_folder(directory, force=force, files=[path.name for path in paths.values()])
     written = {}
     for number, table in enumerate(tables):
         path = paths[table.name]
@@ -71,18 +72,6 @@ def export(
         if progress is not None:
             progress(number + 1)
     return written
-
-
-def _prepare(directory: Path, paths: list[Path], *, force: bool) -> None:
-    existing = [path for path in paths if path.exists()]
-    if existing and not force:
-        msg = f"{existing[0]}: exists already; give another directory, or --force to replace it"
-        raise OutputExistsError(msg)
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        msg = f"{directory}: cannot be made a directory ({error.strerror})"
-        raise RecordingError(msg) from error
 
 
 def _write_csv(path: Path, table: Table) -> None:

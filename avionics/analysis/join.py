@@ -1,7 +1,7 @@
 """A flight's log and the truth that was served to it, joined into one log on the flight's clock."""
 
 import heapq
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -9,15 +9,18 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from avionics.analysis.clock_fit import ClockFit, Rates, fit_clocks
+from avionics.analysis.flight import Flight, read_flight
+from avionics.analysis.series import in_time_order
 from avionics.config import Config, one_wing
 from avionics.errors import JoinError
+from avionics.output_paths import refuse_inputs
 from avionics.recording import LogReader, LogWriter
 from avionics.recording.attached import CONFIG_TOML
 from avionics.records import Event, Truth
 from avionics.topics import Record
-from drivers.samples import ImuSample
 
 Alignment = Literal["auto", "shared", "rates"]
+SAMPLES: Final = ("/imu/*",)
 ROLE: Final = "truth"
 MARGIN_NS: Final = 500_000_000
 TRUTH_CONFIG: Final = "truth-config.toml"
@@ -114,11 +117,8 @@ def join(
     -----
     An output that could not be finished is removed.
     """
-    for log in (flight, truth):
-        if output.exists() and output.samefile(log):
-            msg = f"{output}: is one of the logs to join; write to another file"
-            raise JoinError(msg)
-    flown, served = LogReader(flight), LogReader(truth)
+    refuse_inputs(output, flight, truth)
+    flown, served = read_flight(flight, SAMPLES), read_flight(truth, SAMPLES)
     _check(flown, served)
     is_shared = _is_shared(flown, served) if alignment == "auto" else alignment == "shared"
     fit, why = _fit(flown, served)
@@ -132,7 +132,7 @@ def join(
         method, sigma_s, check_s, used = "gyro rates", fit.sigma_ns * 1e-9, None, fit
     report = JoinReport(
         method, used.offset_ns * 1e-9, sigma_s, 1e6 * used.drift, 1e6 * used.drift_sigma,
-        None if fit is None else fit.correlation, check_s, 0, not served.truncated,
+        None if fit is None else fit.correlation, check_s, 0, not served.damage.truncated,
     )  # fmt: skip
     attachments = {k: v for k, v in flown.attachments.items() if not k.startswith("config.")}
     attachments[TRUTH_CONFIG] = served.attachments.get(CONFIG_TOML, b"")
@@ -153,7 +153,7 @@ def join(
         raise
 
 
-def _check(flown: LogReader, served: LogReader) -> None:
+def _check(flown: Flight, served: Flight) -> None:
     if served.metadata.get("role") != ROLE:
         msg = f"{served.path}: is no truth of `avionics rig serve`; give the flight first, then it"
         raise JoinError(msg)
@@ -176,12 +176,12 @@ def _check(flown: LogReader, served: LogReader) -> None:
         raise JoinError(msg)
 
 
-def _is_shared(flown: LogReader, served: LogReader) -> bool:
+def _is_shared(flown: Flight, served: Flight) -> bool:
     boots = [reader.metadata.get("boot_id", "") for reader in (flown, served)]
     return boots[0] == boots[1] != ""
 
 
-def _fit(flown: LogReader, served: LogReader) -> tuple[ClockFit | None, str]:
+def _fit(flown: Flight, served: Flight) -> tuple[ClockFit | None, str]:
     """Return how the rates align the clocks, or None and why they cannot."""
     config = one_wing(flown.config, f"{flown.path}: join")
     lags = {pod.name: _lag_s(config, pod.name) for pod in config.pods}
@@ -207,51 +207,39 @@ def _lag_s(config: Config, name: str) -> tuple[float, float]:
     return delay.mean_s if isinstance(chosen, str) else chosen, delay.spread_s / 3**0.5
 
 
-def _rates(reader: LogReader) -> Mapping[str, Rates]:
-    samples: dict[str, list[ImuSample]] = {}
-    for message in reader.messages(["/imu/*"]):
-        if isinstance(message.record, ImuSample):
-            samples.setdefault(message.record.pod, []).append(message.record)
-    rates = {}
-    for pod, found in samples.items():
-        ordered = sorted({s.t_ns: s for s in found}.values(), key=lambda s: s.t_ns)
-        rates[pod] = Rates(
-            np.array([s.t_ns for s in ordered], dtype=np.int64),
-            np.array([s.rate_rad_s for s in ordered]),
-        )
-    return rates
+def _rates(flight: Flight) -> dict[str, Rates]:
+    ordered = {pod: in_time_order(samples) for pod, samples in flight.imu.items()}
+    return {pod: Rates(one.t_ns, one.rate_rad_s) for pod, one in ordered.items()}
 
 
-def _metadata(truth: Path, served: LogReader, report: JoinReport) -> dict[str, str]:
+def _metadata(truth: Path, served: Flight, report: JoinReport) -> dict[str, str]:
     told = {f"join_{k}": str(v) for k, v in report.to_json_dict().items() if k != "truths"}
     of_truth = {f"truth_{k}": served.metadata.get(k, "") for k in ("scenario", "seed", "boot_id")}
     return {"joined_truth": truth.name, **told, **of_truth}
 
 
-def _merge(flown: LogReader, served: LogReader, fit: ClockFit, writer: LogWriter) -> int:
+def _merge(flown: Flight, served: Flight, fit: ClockFit, writer: LogWriter) -> int:
     """Write both in order of arrival; returns how many true shapes."""
-    first_ns = last_ns = None
-    for message in flown.messages(decode_images=False):
-        first_ns = message.arrival_ns if first_ns is None else first_ns
-        last_ns = message.arrival_ns
-    if first_ns is None or last_ns is None:
+    if not flown.topics:
         msg = f"{flown.path}: holds no records; there is nothing to join"
         raise JoinError(msg)
-    span = (first_ns - MARGIN_NS, last_ns + MARGIN_NS)
+    counts = flown.topics.values()
+    first_ns = min(one.first_ns for one in counts) - MARGIN_NS
+    last_ns = max(one.last_ns for one in counts) + MARGIN_NS
 
     def of_flight() -> Iterator[tuple[int, int, Record]]:
-        for message in flown.messages(decode_images=False):
+        for message in LogReader(flown.path).messages(decode_images=False):
             yield message.arrival_ns, 0, message.record
 
     count = 0
 
     def of_truth() -> Iterator[tuple[int, int, Record]]:
-        latest_ns = span[0]
-        for message in served.messages(["/wing/*/truth", "/event"]):
+        latest_ns = first_ns
+        for message in LogReader(served.path).messages(["/wing/*/truth", "/event"]):
             record = message.record
             if isinstance(record, Truth | Event):
                 t_ns = fit.flight_ns(record.t_ns)
-                if span[0] <= t_ns <= span[1]:
+                if first_ns <= t_ns <= last_ns:
                     latest_ns = max(latest_ns, t_ns)
                     yield latest_ns, 1, replace(record, t_ns=t_ns)
 

@@ -9,6 +9,7 @@ from avionics.config import ByCamera, FlightConfig
 from avionics.config.load import apply_overrides, parse_config
 from avionics.errors import RecordingError
 from avionics.flight.pipelines import Pipelines
+from avionics.output_paths import refuse_inputs
 from avionics.recording import EncodedFrame, LogReader, appearing_whole
 from avionics.recording.log_process import LogProcess
 from avionics.records import Event, Health, MarkerTracks, Truth
@@ -85,9 +86,7 @@ def replay(
     ConfigError
         If an override does not fit.
     """
-    if output.exists() and output.samefile(log):
-        msg = f"{output}: is the log itself; write the replay to another file"
-        raise RecordingError(msg)
+    refuse_inputs(output, log)
     reader = LogReader(log)
     flown = _configuration(config if config is not None else reader.config, overrides, tracker)
     has_tracks = next(reader.messages(TRACKS), None) is not None

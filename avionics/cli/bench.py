@@ -10,9 +10,10 @@ import typer
 from avionics.cli import faults
 from avionics.cli.faults import ask_bench
 from avionics.cli.options import AsJson, Control, Force, LogArgument, OutputFile
-from avionics.cli.output import claim, read_log_path
+from avionics.cli.output import read_log_path
 from avionics.cli.serve import serve
 from avionics.errors import AvionicsError
+from avionics.output_paths import claim_file
 
 
 def register(app: typer.Typer) -> None:
@@ -94,7 +95,7 @@ def join(
     """
     from avionics.analysis.join import join as join_logs  # noqa: PLC0415
 
-    claim(output, force=force)
+    claim_file(output, force=force)
     report = join_logs(
         read_log_path(log), read_log_path(truth), output, alignment=clock, force=force
     )

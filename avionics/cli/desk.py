@@ -11,7 +11,8 @@ from typing import Annotated, Literal
 import typer
 
 from avionics.cli.options import AsJson, Force, LogArgument, OutputFile, Overrides
-from avionics.cli.output import claim, progress_bar, read_log_path
+from avionics.cli.output import progress_bar, read_log_path
+from avionics.output_paths import claim_file
 
 PANEL = "Work with logs and data sets"
 
@@ -37,7 +38,7 @@ def import_(
 
     Example: avionics import wing-sweep/ -o sweep.mcap --calibrate
     """
-    claim(output, force=force)
+    claim_file(output, force=force)
 
     from rich.console import Console  # noqa: PLC0415
 
@@ -75,7 +76,7 @@ def replay(
     Example: avionics replay sweep.mcap --set estimator.form=paper -o paper.mcap
     """
     read_log_path(log)
-    claim(output, force=force)
+    claim_file(output, force=force)
     given = None
     if config is not None:
         from avionics.config.load import load_config  # noqa: PLC0415
@@ -157,7 +158,7 @@ def report(log: LogArgument, output: OutputFile, *, force: Force = False) -> Non
     from avionics.report.build import write_report  # noqa: PLC0415
 
     flight = read_flight(read_log_path(log))
-    claim(output, force=force)
+    claim_file(output, force=force)
     with progress_bar("drawing", None) as progress:
         write_report(flight, output, force=force, progress=progress)
     print(f"wrote {output}")
@@ -187,5 +188,5 @@ def recover(
     from avionics.recording import recover as recover_log  # noqa: PLC0415
 
     read_log_path(broken)
-    claim(output, force=force)
+    claim_file(output, force=force)
     print(recover_log(broken, output, force=force).text())

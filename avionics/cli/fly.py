@@ -11,8 +11,9 @@ from typing import Annotated
 import typer
 
 from avionics.cli.options import ConfigArgument, ConfigOrPackaged, Force, Overrides, Seed
-from avionics.cli.output import claim, progress_bar
+from avionics.cli.output import progress_bar
 from avionics.cli.signals import stopping
+from avionics.output_paths import claim_file
 from drivers.clock import SteadyClock, boot_id, utc_offset_ns
 
 PANEL = "Fly"
@@ -49,7 +50,7 @@ def run(
 
     config = one_wing(load_config(config_path, tuple(overrides or ())), "run")
     stamp = datetime.now(tz=timezone.utc).strftime("%Y%m%d-%H%M%SZ")
-    path = claim(output or Path(f"flight-{stamp}.mcap"), force=force)
+    path = claim_file(output or Path(f"flight-{stamp}.mcap"), force=force)
 
     from avionics.flight.hardware import open_rig  # noqa: PLC0415 (after what may be refused)
     from avionics.flight.runner import run_live  # noqa: PLC0415
@@ -109,7 +110,7 @@ def sim(
     from avionics.cli.configuration import given_or_packaged  # noqa: PLC0415 (start-up)
 
     config = given_or_packaged(config_path, tuple(overrides or ()))
-    path = claim(output or Path(f"sim-{Path(scenario).stem}-{seed}.mcap"), force=force)
+    path = claim_file(output or Path(f"sim-{Path(scenario).stem}-{seed}.mcap"), force=force)
 
     from sim_bus.wing.scenario import load_scenario  # noqa: PLC0415 (after what may be refused)
 

@@ -1,4 +1,4 @@
-"""Where results go: output files that are never overwritten unasked, progress, and tables."""
+"""What commands have in common: the log to read, progress, tables."""
 
 import contextlib
 import sys
@@ -6,31 +6,9 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from avionics.errors import AvionicsError, OutputExistsError
+from avionics.errors import AvionicsError
 
 PROGRESS_AFTER_S = 2.0
-
-
-def claim(path: Path, *, force: bool) -> Path:
-    """Return ``path`` if it may be written.
-
-    Raises
-    ------
-    OutputExistsError
-        If it exists and ``force`` is not given.
-    AvionicsError
-        If its folder does not exist or it is a folder.
-    """
-    if path.is_dir():
-        msg = f"{path} is a folder; give the name of a file"
-        raise AvionicsError(msg)
-    if path.exists() and not force:
-        msg = f"{path} exists; choose another name or add --force"
-        raise OutputExistsError(msg)
-    if not path.parent.is_dir():
-        msg = f"{path.parent} is not a folder; make it first"
-        raise AvionicsError(msg)
-    return path
 
 
 def read_log_path(path: Path) -> Path:

@@ -8,7 +8,8 @@ import typer
 from avionics.cli.options import Force, OutputFolder
 from avionics.cli.output import progress_bar
 from avionics.desk import desk_imports
-from avionics.errors import AvionicsError, OutputExistsError
+from avionics.errors import AvionicsError
+from avionics.output_paths import claim_folder
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -63,7 +64,7 @@ def run(
     profiles = _choice(profile, tuple(spec.profiles), "profile")
     scenarios = _choice(scenario, spec.scenarios, "scenario")
     runs = _seeds(seeds, spec.seeds)
-    folder = _claim_folder(output, force=force)
+    folder = claim_folder(output, force=force)
     studies = []
     for name in profiles:
         with progress_bar(f"{study} {name}", 1.0) as progress:
@@ -100,7 +101,7 @@ def drive(
     runs = _seeds(seeds, (1, 10))
     carrier = read_drive(recording)
     spec = drive_spec(float(carrier.trajectory.t[-1]))
-    folder = _claim_folder(output, force=force)
+    folder = claim_folder(output, force=force)
     studies = []
     for name in spec.profiles:
         with progress_bar(f"drive {name}", 1.0) as progress:
@@ -144,7 +145,7 @@ def design(
         )
 
     wanted = load_design(question)
-    folder = _claim_folder(output, force=force)
+    folder = claim_folder(output, force=force)
     with progress_bar(question, 1.0) as progress:
         cells = analyse(wanted, progress)
     console = _console()
@@ -220,15 +221,3 @@ def _seeds(text: str | None, default: tuple[int, int]) -> range:
             msg = f"--seeds {text}: the last seed lies before the first"
             raise AvionicsError(msg)
     return range(first, last + 1)
-
-
-def _claim_folder(path: Path, *, force: bool) -> Path:
-    """Return a folder to write into; one that holds something wants --force."""
-    if path.is_file():
-        msg = f"{path} is a file; give the name of a folder"
-        raise OutputExistsError(msg)
-    if path.is_dir() and any(path.iterdir()) and not force:
-        msg = f"{path} exists and is not empty; choose another name or add --force"
-        raise OutputExistsError(msg)
-    path.mkdir(parents=True, exist_ok=True)
-    return path

@@ -10,9 +10,9 @@ import typer
 
 from avionics.cli.faults import numbers
 from avionics.cli.options import AsJson, ConfigOrPackaged, Control, Force, Overrides, Seed
-from avionics.cli.output import claim
 from avionics.cli.signals import stopping
 from avionics.errors import AvionicsError
+from avionics.output_paths import claim_file
 from drivers.prompt_threads import prompt_threads
 
 if TYPE_CHECKING:
@@ -104,9 +104,9 @@ def serve(
         msg = "--camera-device: is the place of --camera v4l2 or --camera window; give one of them"
         raise AvionicsError(msg)
     simulated = None if pods is None else numbers(pods)
-    truth = claim(output or Path(f"truth-{Path(scenario).stem}-{seed}.mcap"), force=force)
+    truth = claim_file(output or Path(f"truth-{Path(scenario).stem}-{seed}.mcap"), force=force)
     if write_config is not None:
-        claim(write_config, force=force)
+        claim_file(write_config, force=force)
 
     from sim_bus.bench.client import default_socket  # noqa: PLC0415 (after what may be refused)
     from sim_bus.wing.scenario import load_scenario  # noqa: PLC0415

@@ -1,7 +1,7 @@
 """The log: MCAP with protobuf, safe from a kill, read back record by record."""
 
 from avionics.recording.mcap.damage import Damage
-from avionics.recording.mcap.logfile import appearing_whole, refuse_existing
+from avionics.recording.mcap.logfile import appearing_whole
 from avionics.recording.reader import LoggedRecord, LogReader
 from avionics.recording.recorder import Recorder
 from avionics.recording.recover import Recovery, recover
@@ -18,5 +18,4 @@ __all__ = [
     "Recovery",
     "appearing_whole",
     "recover",
-    "refuse_existing",
 ]

@@ -8,6 +8,7 @@ from mcap.records import Channel, Schema
 from mcap.writer import Writer
 
 from avionics.errors import RecordingError
+from avionics.output_paths import refuse_inputs
 from avionics.recording.mcap import parse
 from avionics.recording.mcap.damage import Damage
 from avionics.recording.mcap.logfile import LogFile
@@ -72,9 +73,7 @@ def recover(broken: Path, fixed: Path, *, force: bool = False) -> Recovery:
     RecordingError
         If ``broken`` is no MCAP file, or both are the same file.
     """
-    if fixed.exists() and fixed.samefile(broken):
-        msg = f"{fixed}: is the log to recover from; give another name"
-        raise RecordingError(msg)
+    refuse_inputs(fixed, broken)
     recovery = Recovery(fixed)
     with open_log(broken) as source:
         target = LogFile(fixed, force=force)

@@ -6,7 +6,7 @@ from pathlib import Path
 from avionics.analysis.flight import Flight
 from avionics.desk import desk_imports
 from avionics.errors import RecordingError
-from avionics.recording import refuse_existing
+from avionics.output_paths import claim_file
 
 Progress = Callable[[float], None]
 
@@ -36,7 +36,7 @@ def write_report(
     AvionicsError
         If matplotlib is not installed.
     """
-    refuse_existing(output, force=force)
+    claim_file(output, force=force)
     with desk_imports("a report"):
         from avionics.report.sections import build_page  # noqa: PLC0415
     html = build_page(flight, progress or (lambda _done: None))

@@ -11,30 +11,10 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-from avionics.errors import OutputExistsError, RecordingError, StorageError
+from avionics.errors import RecordingError, StorageError
+from avionics.output_paths import claim_file
 
 MAX_PENDING_BYTES = 64 * 1024 * 1024
-
-
-def refuse_existing(path: Path, *, force: bool) -> None:
-    """Do nothing if ``path`` may be written.
-
-    Raises
-    ------
-    OutputExistsError
-        If it exists and ``force`` is False.
-    RecordingError
-        If it is a directory, or its directory does not exist.
-    """
-    if path.is_dir():
-        msg = f"{path}: is a directory; give the name of a file"
-        raise RecordingError(msg)
-    if path.exists() and not force:
-        msg = f"{path}: exists already; give another name, or --force to replace it"
-        raise OutputExistsError(msg)
-    if not path.parent.is_dir():
-        msg = f"{path}: the directory {path.parent} does not exist; create it first"
-        raise RecordingError(msg)
 
 
 @contextlib.contextmanager
@@ -51,7 +31,7 @@ def appearing_whole(path: Path, *, force: bool = False) -> Iterator[Path]:
     RecordingError
         If it cannot be there.
     """
-    refuse_existing(path, force=force)
+    claim_file(path, force=force)
     if path.exists() and not path.is_file():
         yield path
         return
@@ -84,7 +64,7 @@ class LogFile:
     """
 
     def __init__(self, path: Path, *, force: bool = False) -> None:
-        refuse_existing(path, force=force)
+        claim_file(path, force=force)
         self._path = path
         self._pending = bytearray()
         self._committed = 0

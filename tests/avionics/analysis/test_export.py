@@ -179,5 +179,5 @@ def test_existing_tables_are_refused(log: Path, tmp_path: Path) -> None:
 
 def test_a_file_in_place_of_the_directory_is_a_clear_error(log: Path, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("")
-    with pytest.raises(RecordingError, match="directory"):
+    with pytest.raises(RecordingError, match="is a file; give the name of a folder"):
         export(read_flight(log), tmp_path / "out")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from avionics.analysis.collectors import KEPT
 from avionics.analysis.evaluate import evaluate
 from avionics.analysis.export import export
 from avionics.analysis.flight import Flight, read_flight
@@ -210,6 +211,13 @@ def test_other_topics_are_counted_and_not_decoded(
     assert set(decoded) == {"avionics.ImuSample"}
     assert flight.topics["/camera/root/image"].count == 90
     assert flight.wings["right"].estimates == {}
+
+
+def test_a_record_without_columns_is_counted(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(KEPT, Truth)
+    flight = read_flight(log)
+    assert flight.topics["/wing/right/truth"].count == round(LENGTH_S * 50)
+    assert flight.wing.truth is None
 
 
 def test_two_lines_give_a_pandas_table(log: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from avionics.analysis.join import join
 from avionics.config.load import default_config_text, parse_config_text
-from avionics.errors import JoinError
+from avionics.errors import JoinError, RecordingError
 from avionics.recording import LogReader, LogWriter
 from avionics.records import Truth
 from drivers.samples import ImuSample
@@ -118,7 +118,7 @@ def test_other_markers_are_refused(config, tmp_path: Path) -> None:
 def test_output_may_not_be_an_input(config, tmp_path: Path) -> None:
     flight_log(tmp_path / "f.mcap", config)
     truth_log(tmp_path / "t.mcap", config)
-    with pytest.raises(JoinError, match="one of the logs"):
+    with pytest.raises(RecordingError, match="is the log itself"):
         join(tmp_path / "f.mcap", tmp_path / "t.mcap", tmp_path / "f.mcap", force=True)
 
 

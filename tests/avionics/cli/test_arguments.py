@@ -6,8 +6,8 @@ import pytest
 
 from avionics.cli.configuration import given_or_packaged
 from avionics.cli.faults import ask_bench, numbers
-from avionics.cli.pos import _choice, _claim_folder, _seeds
-from avionics.errors import AvionicsError, ConfigError, OutputExistsError
+from avionics.cli.pos import _choice, _seeds
+from avionics.errors import AvionicsError, ConfigError
 from drivers.errors import DriverError
 
 
@@ -42,18 +42,6 @@ def test_choice_is_one_or_all_of_what_a_study_has() -> None:
     assert _choice("b", ("a", "b"), "profile") == ("b",)
     with pytest.raises(AvionicsError, match="profile 'c' is not in the study; it has a, b"):
         _choice("c", ("a", "b"), "profile")
-
-
-def test_folder_that_holds_something_wants_force(tmp_path: Path) -> None:
-    new = _claim_folder(tmp_path / "a" / "b", force=False)
-    assert new.is_dir()
-    assert _claim_folder(new, force=False) == new
-    (new / "old.html").touch()
-    with pytest.raises(OutputExistsError, match="not empty"):
-        _claim_folder(new, force=False)
-    assert _claim_folder(new, force=True) == new
-    with pytest.raises(OutputExistsError, match="is a file"):
-        _claim_folder(new / "old.html", force=True)
 
 
 def test_without_a_file_the_packaged_wing_is_taken_and_may_be_changed(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What a command may write, and what it shows while it works."""
+"""What a command reads, and what it shows while it works."""
 
 import sys
 from pathlib import Path
@@ -6,31 +6,8 @@ from pathlib import Path
 import pytest
 
 from avionics.cli import output
-from avionics.cli.output import claim, progress_bar, read_log_path
-from avionics.errors import AvionicsError, OutputExistsError
-
-
-def test_new_file_in_a_folder_may_be_written(tmp_path: Path) -> None:
-    path = tmp_path / "new.mcap"
-    assert claim(path, force=False) == path
-    assert not path.exists()
-
-
-def test_existing_file_wants_force(tmp_path: Path) -> None:
-    path = tmp_path / "old.mcap"
-    path.write_bytes(b"precious")
-    with pytest.raises(OutputExistsError, match=r"old\.mcap exists; .*--force"):
-        claim(path, force=False)
-    assert claim(path, force=True) == path
-    assert path.read_bytes() == b"precious"
-
-
-@pytest.mark.parametrize("force", [False, True])
-def test_folder_is_no_file_and_a_missing_folder_is_named(tmp_path: Path, force: bool) -> None:
-    with pytest.raises(AvionicsError, match="is a folder"):
-        claim(tmp_path, force=force)
-    with pytest.raises(AvionicsError, match="nowhere is not a folder"):
-        claim(tmp_path / "nowhere" / "x.mcap", force=force)
+from avionics.cli.output import progress_bar, read_log_path
+from avionics.errors import AvionicsError
 
 
 def test_log_to_read_is_a_file(tmp_path: Path) -> None:

@@ -130,7 +130,7 @@ def test_recover_keeps_a_whole_log_whole(whole: Path, tmp_path: Path) -> None:
 
 def test_recover_refuses_its_own_input(whole: Path) -> None:
     before = whole.read_bytes()
-    with pytest.raises(RecordingError, match="another name"):
+    with pytest.raises(RecordingError, match="is the log itself"):
         recover(whole, whole, force=True)
     assert whole.read_bytes() == before
 

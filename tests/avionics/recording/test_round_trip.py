@@ -173,7 +173,7 @@ def test_force_replaces_but_an_open_reader_keeps_the_old(log_path: Path, config:
 
 @pytest.mark.parametrize("name", ["missing/flight.mcap", "."])
 def test_impossible_path_is_a_clear_error(tmp_path: Path, config: Config, name: str) -> None:
-    with pytest.raises(RecordingError, match=r"directory"):
+    with pytest.raises(RecordingError, match=r"folder"):
         LogWriter(tmp_path / name, config)
 
 
