@@ -45,10 +45,9 @@ def run(
 
     Example: avionics run wing.toml --duration 60 -o flight.mcap
     """
-    from avionics.config import one_wing  # noqa: PLC0415 (start-up)
     from avionics.config.load import load_config  # noqa: PLC0415 (start-up)
 
-    config = one_wing(load_config(config_path, tuple(overrides or ())), "run")
+    config = load_config(config_path, tuple(overrides or ()))
     stamp = datetime.now(tz=timezone.utc).strftime("%Y%m%d-%H%M%SZ")
     path = claim_file(output or Path(f"flight-{stamp}.mcap"), force=force)
 
@@ -58,7 +57,9 @@ def run(
 
     clock = SteadyClock()
     with open_rig(config, clock) as rig:
-        print(f"flying {config.wing.name} wing: {path} (Ctrl-C ends the flight)", flush=True)
+        names = [one.wing.name for one in config.wing_configs]
+        wings = f"{' and '.join(names)} {'wing' if len(names) == 1 else 'wings'}"
+        print(f"flying {wings}: {path} (Ctrl-C ends the flight)", flush=True)
         with (
             Recorder(
                 path,

@@ -16,7 +16,7 @@ from avionics.output_paths import claim_file
 from drivers.prompt_threads import prompt_threads
 
 if TYPE_CHECKING:
-    from avionics.config import Config
+    from avionics.config import Config, FlightConfig
 
 WRITE_EVERY_S = 0.05
 
@@ -70,6 +70,9 @@ def serve(
         Path | None, typer.Option(metavar="FILE", help="Write the configuration to fly it with.")
     ] = None,
     overrides: Overrides = None,
+    wing: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Which of several [[wings]] to serve.")
+    ] = None,
     lead: Annotated[
         float, typer.Option(min=1.5, metavar="S", help="Rest before the scenario begins.")
     ] = 10.0,
@@ -97,9 +100,9 @@ def serve(
     Example: avionics rig serve default --can vcan0 --camera pipe --write-config fly.toml -o t.mcap
     """
     from avionics.cli.configuration import given_or_packaged  # noqa: PLC0415 (start-up)
-    from avionics.config import one_wing  # noqa: PLC0415
 
-    config = one_wing(given_or_packaged(config_path, tuple(overrides or ())), "rig serve")
+    given = given_or_packaged(config_path, tuple(overrides or ()))
+    config = _served_wing(given, wing)
     if camera_device and camera in {None, "pipe"}:
         msg = "--camera-device: is the place of --camera v4l2 or --camera window; give one of them"
         raise AvionicsError(msg)
@@ -179,6 +182,14 @@ class _Preparing:
             print(f"computing {wanted_s:g} s of flight before it is served", file=sys.stderr)
         if self._stop.is_set():
             raise KeyboardInterrupt
+
+
+def _served_wing(config: "FlightConfig", name: str | None) -> "Config":
+    from avionics.config import one_wing  # noqa: PLC0415
+
+    if name is not None:
+        return config.for_wing(name)
+    return one_wing(config, "rig serve", remedy="choose one with --wing NAME")
 
 
 def _write(path: Path, text: str) -> None:

@@ -131,18 +131,19 @@ class ByCamera(Generic[T]):
         return self._items[0] if len(self._items) == 1 else self._by_name.get(camera)
 
 
-def one_wing(config: FlightConfig, what: str) -> Config:
+def one_wing(config: FlightConfig, what: str, *, remedy: str = "give it a [wing]") -> Config:
     """Return the configuration of the only wing.
 
     Raises
     ------
     ConfigError
-        If there are several; the message begins with ``what``, which takes one.
+        If there are several; the message begins with ``what``, which takes one, and ends with
+        the remedy.
     """
     if isinstance(config, Config):
         return config
     names = ", ".join(wing.name for wing in config.wings)
-    msg = f"{what} takes one wing, the configuration has [[wings]] {names}; give it a [wing]"
+    msg = f"{what} takes one wing, the configuration has [[wings]] {names}; {remedy}"
     raise ConfigError(msg)
 
 

@@ -217,8 +217,13 @@ def test_info_names_the_wings(avionics, log: Path) -> None:
         assert f"wing '{wing}': span 1.5 m, 2 pods, 6 markers, camera '{wing}'" in told
 
 
-def test_what_takes_one_wing_says_so(avionics, log: Path, tmp_path: Path) -> None:
-    done = avionics("rig", "serve", "default", EXAMPLE, "-o", tmp_path / "truth.mcap")
+def test_a_bench_serves_one_wing_and_asks_which(avionics, tmp_path: Path) -> None:
+    words = ("rig", "serve", "default", EXAMPLE, "-o", tmp_path / "truth.mcap")
+    done = avionics(*words)
     assert done.status != 0
-    assert "takes one wing" in done.err
-    assert "right, left" in done.err
+    assert "rig serve takes one wing" in done.err
+    assert "right, left; choose one with --wing NAME" in done.err
+    done = avionics(*words, "--wing", "middle")
+    assert done.status != 0
+    assert "wing 'middle': " in done.err
+    assert "one of right, left" in done.err
