@@ -88,16 +88,14 @@ def score_tracks(name: str, log: Path) -> None:
                 truth[int(row["frame"]), int(row["marker"])] = place
     found = wrong = 0
     squares = []
-    for message in LogReader(log).messages(["/camera/*/tracks"]):
-        for k, pixel in enumerate(message.record.pixel):
-            if not message.record.found[k]:
-                continue
-            place = truth.get((message.record.frame_index, k))
-            if place is None or np.hypot(*(pixel - place)) > 5:
-                wrong += 1
-                continue
-            found += 1
-            squares.append(float(((pixel - place) ** 2).sum()))
+    tracks = read_flight(log, ["/camera/*/tracks"]).tracks
+    for row, k in np.argwhere(tracks.found):
+        place = truth.get((int(tracks.frame_index[row]), int(k)))
+        if place is None or np.hypot(*(tracks.pixel[row, k] - place)) > 5:
+            wrong += 1
+            continue
+        found += 1
+        squares.append(float(((tracks.pixel[row, k] - place) ** 2).sum()))
     rms = np.sqrt(np.mean(squares) / 2)
     print(
         f"{name}: RMS {rms:.3f} px per axis (target <= 0.3), found {found} of {len(truth)} "

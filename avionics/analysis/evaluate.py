@@ -86,7 +86,7 @@ def evaluate(flight: Flight, wing: str | None = None) -> Evaluation:
         If the log cannot be read, holds no estimates, no truth, or no instant common to both.
     """
     log = flight.path
-    data = flight.wing if wing is None else flight.wings[wing]
+    data = flight.wing_named(wing)
     of = f" of wing '{data.name}'" if len(flight.wings) > 1 else ""
     if not data.estimates:
         msg = (

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from avionics.analysis.collectors import HealthCollector
-from avionics.analysis.contents import Contents, TopicCount, read_contents
+from avionics.analysis.contents import Contents, TopicArrays, TopicCount, read_contents
 from avionics.analysis.frames import CameraData, Frames
 from avionics.analysis.series import (
     EstimateSeries,
@@ -113,6 +113,11 @@ class Flight:
         """Return instants, ns of the steady clock, as UTC of type ``datetime64[ns]``."""
         return (np.asarray(t_ns, dtype=np.int64) + self.utc_offset_ns).astype("datetime64[ns]")
 
+    @property
+    def by_topic(self) -> dict[str, TopicArrays]:
+        """The arrays of every topic, in order of appearance."""
+        return self._contents.series
+
     @cached_property
     def imu(self) -> dict[str, ImuSeries]:
         """Samples by pod, the root IMU as "root", in order of appearance."""
@@ -169,6 +174,18 @@ class Flight:
             If the log holds estimates or truth of no wing, or of several.
         """
         return self._only("wings", self.wings)
+
+    def wing_named(self, name: str | None = None) -> WingData:
+        """Return a wing, by default the only one.
+
+        Raises
+        ------
+        RecordingError
+            If the log holds nothing of it, or several wings and no name is given.
+        """
+        if name is None:
+            return self.wing
+        return self._there(f"wing '{name}'; it has {', '.join(self.wings)}", self.wings.get(name))
 
     @property
     def camera(self) -> CameraData:
@@ -244,7 +261,7 @@ class Flight:
     @cached_property
     def tables(self) -> dict[str, Table]:
         """The tables that ``avionics export`` writes, by name: "imu_0", "estimate_crg", ..."""
-        return tables_of(self._contents.series, self.config)
+        return tables_of(self.by_topic, self.config)
 
     def table(self, name: str) -> Table:
         """Return one topic as a table with a column per quantity, units in the names.

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from avionics.recording.reader import LogReader
+from avionics.analysis.flight import read_flight
 from avionics.topics import HEALTH
 
 
@@ -26,16 +26,13 @@ class Account:
 
 def account_of(log: Path, pod: str, scale_rad_s: float) -> Account:
     """Read one pod's samples and counters back from a log."""
-    seqs, words = [], []
-    counters: dict[str, int] = {}
-    with LogReader(log) as reader:
-        for record in reader.messages():
-            value = record.record
-            if record.topic.startswith("/imu") and value.pod == pod:
-                seqs.append(value.seq)
-                words.append(tuple(np.rint(value.rate_rad_s / scale_rad_s).astype(int).tolist()))
-            elif record.topic == HEALTH and value.source == f"pod {pod}":
-                counters.update(value.counters)  # the driver and the pipeline both report
+    flight = read_flight(log, [f"/imu/{pod}", HEALTH])
+    samples, health = flight.imu[pod], flight.health
+    seqs = samples.seq.tolist()
+    words = [tuple(row) for row in np.rint(samples.rate_rad_s / scale_rad_s).astype(int).tolist()]
+    # The driver and the pipeline both report.
+    reports = zip(health.source, health.counter, health.count.tolist(), strict=True)
+    counters = {name: count for source, name, count in reports if source == f"pod {pod}"}
     assert seqs == sorted(seqs), "sequence numbers go back"
     return Account(seqs[-1] - seqs[0] + 1, len(seqs), counters, words)
 

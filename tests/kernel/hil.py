@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from avionics.analysis.comparison import SETTLE_S
-from avionics.recording import LogReader
+from avionics.analysis.flight import read_flight
 
 AVIONICS = (sys.executable, "-m", "avionics")
 START_S = 150.0
@@ -127,22 +127,21 @@ def figures(log: Path) -> dict[str, Any]:
 
 def kept(log: Path, rates_hz: dict[str, float], flight_s: float) -> dict[str, float]:
     """Return the share of its records that each topic has in the part that is evaluated."""
-    times: dict[str, list[int]] = {topic: [] for topic in rates_hz}
-    for message in LogReader(log).messages(list(rates_hz)):
-        times[message.topic].append(message.record.t_ns)
-    first_ns = min(t for found in times.values() for t in found) + round(SETTLE_S * 1e9)
+    flight = read_flight(log, list(rates_hz))
+    times = {topic: flight.by_topic[topic].t_ns for topic in rates_hz}
+    first_ns = min(t_ns.min() for t_ns in times.values()) + round(SETTLE_S * 1e9)
     return {
-        topic: sum(t >= first_ns for t in times[topic]) / (rate_hz * (flight_s - SETTLE_S))
+        topic: int((times[topic] >= first_ns).sum()) / (rate_hz * (flight_s - SETTLE_S))
         for topic, rate_hz in rates_hz.items()
     }
 
 
 def tip_motion_m(log: Path) -> float:
     """Return how far the true tip strayed from its mean while gyros were logged, RMS, m."""
-    reader = LogReader(log)
-    flown = [m.record.t_ns for m in reader.messages(["/imu/0"])]
-    truths = (m.record for m in reader.messages(["/wing/*/truth"]))
-    tips = np.array([t.line_in_body_m[-1] for t in truths if flown[0] <= t.t_ns <= flown[-1]])
+    flight = read_flight(log, ["/imu/0", "/wing/*/truth"])
+    flown_ns, truth = flight.imu["0"].t_ns, flight.truth
+    during = (truth.t_ns >= flown_ns[0]) & (truth.t_ns <= flown_ns[-1])
+    tips = truth.line_in_body_m[during, -1]
     return float(np.sqrt(((tips - tips.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
