@@ -87,9 +87,10 @@ def _check_addresses(bus: str, members: Members[I2cLink]) -> None:
         where = f"0x{at_a.address:02X} of {bus}"
         pair = f"pods {a.name} and {b.name}"
         ways = [(link.mux_address, link.mux_channel) for link in (at_a, at_b)]
+        low, high = a.chip.addresses
         remedy = (
-            "give one link.address = 0x29 (COM3 high), a channel of its own (link.mux_address, "
-            "link.mux_channel) or another link.bus"
+            f"give one link.address = 0x{high if at_a.address == low else low:02X}, a channel of "
+            "its own (link.mux_address, link.mux_channel) or another link.bus"
         )
         if at_a.mux_address is None and at_b.mux_address is None:
             msg = f"{pair}: link.address: both answer at {where}; {remedy}"

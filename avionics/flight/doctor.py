@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from avionics.config import Camera, FlightConfig, Pod
-from avionics.config.links import CanLink, GStreamerCamera, I2cLink, UartLink
+from avionics.config.links import CanLink, GStreamerCamera, I2cLink, SpiLink, UartLink
 from avionics.errors import ConfigError
 from avionics.flight.assemble import Buses, check_chip_ids, imu_sources, mounts_of
 from avionics.flight.hardware import HardwareBuses
@@ -101,6 +101,8 @@ def _place(pod: Pod) -> str:
                 "" if link.mux_address is None else f" behind multiplexer 0x{link.mux_address:02X}"
             )
             return f"/dev/i2c-{link.bus} at 0x{link.address:02X}{mux}"
+        case SpiLink() as link:
+            return f"/dev/spidev{link.bus}.{link.device}"
         case UartLink() as link:
             return link.port
         case CanLink() as link:
@@ -119,7 +121,10 @@ def _try(what: str, look: Callable[[], str]) -> Finding:
 def _remedy(error: Exception) -> str:
     text = str(error)
     if "chip id" in text or "no answer" in text:
-        return "check supply, wiring, pull-ups and address (COM3); `i2cdetect -y` shows who answers"
+        return (
+            "check supply, wiring, pull-ups and address (COM3 or AP_AD0); `i2cdetect -y` shows who "
+            "answers"
+        )
     return "see the driver's message"
 
 

@@ -6,8 +6,6 @@ from avionics.config import Config, Pod
 from avionics.config.links import CanLink, I2cLink, Link, UartLink
 from avionics.errors import ConfigError
 
-ADDRESSES = (0x28, 0x29)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Offer:
@@ -114,11 +112,13 @@ def _kind(pod: Pod, offer: Offer) -> str:
     offered = _offered(offer)
     own = pod.link.kind if pod.link is not None else "i2c"
     for kind in (own, *offered):
-        if offered[kind]:
+        if offered.get(kind) and kind in pod.chip.links:
             return kind
+    options = {"can": "--can CHANNEL", "uart": "--uart", "i2c": "--i2c-dev N"}
+    wanted = ", ".join(option for kind, option in options.items() if kind in pod.chip.links)
     msg = (
-        f"pod {pod.id}: no bus to put it on; give --can CHANNEL, --uart or --i2c-dev N, "
-        "or leave it to hardware with --pods"
+        f"pod {pod.id}: no bus to put its {pod.chip.title} on; give one of {wanted}, or leave it "
+        "to hardware with --pods"
     )
     raise ConfigError(msg)
 
@@ -148,7 +148,7 @@ def _on_i2c(pod: Pod, offer: Offer, own_buses: list[int], places: dict[str, Link
     taken = {(p.bus, p.address) for p in places.values() if isinstance(p, I2cLink)}
     number = offer.i2c_dev + len(own_buses)
     while True:
-        for address in ADDRESSES:
+        for address in pod.chip.addresses:
             if (number, address) not in taken:
                 return I2cLink(bus=number, address=address)
         number += 1

@@ -158,7 +158,7 @@ class SimBuses:
 
     def link(self, pod: Pod) -> Link:
         """Return how a pod is connected; one that is not has an I2C bus of its own."""
-        return pod.link or I2cLink(bus=FIRST_BUS + pod.id)
+        return pod.link or I2cLink(bus=FIRST_BUS + pod.id, address=pod.chip.addresses[0])
 
     def polling_clock(self) -> Clock:
         """Return the clock of one more polled bus."""

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from avionics.config.links import CanLink, I2cLink, UartLink
+from avionics.config.chips import Icm42688Settings
+from avionics.config.links import CanLink, I2cLink, SpiLink, UartLink
 from avionics.config.load import default_config_text, parse_config_text
 from avionics.errors import ConfigError
 from drivers.clock import SteadyClock
@@ -59,10 +60,20 @@ def test_pods_move_where_there_is_room(config) -> None:
 
 
 def test_no_place_and_no_such_pod_are_named(config) -> None:
-    with pytest.raises(ConfigError, match="--can CHANNEL, --uart or --i2c-dev"):
+    with pytest.raises(ConfigError, match="one of --can CHANNEL, --uart, --i2c-dev N"):
         place_pods(config, Offer())
     with pytest.raises(ConfigError, match=r"no pod \[9\]"):
         place_pods(config, Offer(can="x", pods=frozenset({9})))
+
+
+def test_pods_go_where_their_chip_can_be(config) -> None:
+    chip, link = Icm42688Settings(kind="icm42688"), SpiLink(kind="spi")
+    pods = [pod.model_copy(update={"chip": chip, "link": link}) for pod in config.pods]
+    spi = config.model_copy(update={"pods": tuple(pods)})
+    places = place_pods(spi, Offer(i2c_dev=3))
+    assert [(link.bus, link.address) for link in places.values()] == [(3, 0x68), (3, 0x69)]
+    with pytest.raises(ConfigError, match="pod 0: no bus to put its ICM-42688-P on; give one of"):
+        place_pods(spi, Offer(can="vcan0"))
 
 
 @pytest.mark.parametrize(
