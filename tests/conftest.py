@@ -1,11 +1,14 @@
 """Fixtures that every test may use; the tiers are in ``sim_bus.guests.pytest_plugin``."""
 
+import os
 import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from tests import machine
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared"
 
@@ -21,6 +24,22 @@ def shared_data() -> Path:
     if not path.is_dir():
         pytest.skip("recorded data (../shared/data) is absent")
     return path
+
+
+@pytest.fixture
+def machine_speed(request: pytest.FixtureRequest, record_property) -> float:
+    """Speed of this machine now, 1 at most; see ``tests.machine``."""
+    found = machine.speed()
+    record_property("machine speed", round(found, 2))
+    if found < machine.LEAST:
+        reason = (
+            f"this machine does {found:.0%} of the reference work, {machine.LEAST:.0%} are wanted: "
+            "nothing that runs against the wall clock can be judged; run it where less else runs"
+        )
+        if request.config.getoption("--require") or os.environ.get("RIG_REQUIRE"):
+            pytest.fail(reason)
+        pytest.skip(reason)
+    return found
 
 
 @pytest.fixture

@@ -12,6 +12,8 @@ METADATA_NAME = "avionics"
 CONFIG_JSON = "config.json"
 CONFIG_TOML = "config.toml"
 FORMAT_VERSION = "1"
+# A key that a configuration takes only beside another one.
+BELONGS_TO = {"mux_channel": "mux_address"}
 
 
 def software_version() -> str:
@@ -41,9 +43,11 @@ def config_toml(config: FlightConfig) -> str:
 
 
 def _without_none(value: Any) -> Any:
-    """TOML has no null: a key left out means the same."""
+    """TOML has no null: a key left out means the same, and so does one that belongs to it."""
     if isinstance(value, dict):
-        return {key: _without_none(item) for key, item in value.items() if item is not None}
+        absent = {key for key, item in value.items() if item is None}
+        absent |= {key for key, owner in BELONGS_TO.items() if owner in absent}
+        return {key: _without_none(item) for key, item in value.items() if key not in absent}
     if isinstance(value, list):
         return [_without_none(item) for item in value]
     return value

@@ -8,6 +8,7 @@ here one by one.
 
 import json
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -47,6 +48,10 @@ def pytest_configure(config: pytest.Config) -> None:
     """Refuse to start when a promised tier is unknown or missing."""
     for tier in TIERS:
         config.addinivalue_line("markers", f"{tier.name}: {tier.content}")
+    chosen = set(re.findall(r"(?<!not )\b\w+", config.getoption("-m")))
+    if getattr(config.option, "numprocesses", None) and (kinds := sorted(chosen & set(RUNNERS))):
+        msg = f"-m {kinds[0]} with -n: such tests run in one guest, one by one; leave -n out"
+        raise pytest.UsageError(msg)
     known = {tier.name for tier in TIERS}
     for name in filter(None, map(str.strip, config.getoption("--require").split(","))):
         if name not in known:
@@ -117,6 +122,8 @@ def _run_guest(kind: str, config: pytest.Config, items: list[pytest.Item]) -> di
         *(item.nodeid for item in items),
     ]
     environment = {name: os.environ[name] for name in PASSED_ON if name in os.environ}
+    # What is promised here is promised there: a test may fail for it instead of skipping.
+    environment["RIG_REQUIRE"] = config.getoption("--require")
     result = RUNNERS[kind](
         command, out, limit_s=LIMIT_S, cwd=config.rootpath, environment=environment
     )

@@ -14,16 +14,19 @@ from drivers.bno055.settings import Settings
 from drivers.clock import SteadyClock
 from drivers.i2c_registers import I2cRegisterPort
 from drivers.polled_imus import PolledImus
+from drivers.prompt_threads import prompt_threads
 from drivers.reopening import ReopeningI2cBus
 from drivers.tca9548a import Muxes
 from sim_bus.bench.cuse_i2c import CuseI2cBus
 from sim_bus.bench.i2c_adapter import transfer_on
 from sim_bus.buses.faults import FaultPlan
 from sim_bus.buses.i2c import Place, SimI2cBus, Wired
+from tests import machine
 from tests.drivers import genuine
 from tests.drivers.fault_matrix import CASES, Case
 
 pytestmark = pytest.mark.uml
+FULL_HZ = 100
 
 ADDRESS, MUX = 0x28, 0x70
 Z_RAD_S = -0.3
@@ -36,6 +39,7 @@ def flight_on(
     *,
     mode: Mode = Mode.AMG,
     byte_ns: int = 50_000,
+    rate_hz: float = FULL_HZ,
 ) -> Iterator[genuine.Flight]:
     """Serve chips that turn at ``rates`` as /dev/i2c-``number``, and open our driver on it."""
     clock, plan = SteadyClock(), FaultPlan([], np.random.default_rng(2))
@@ -57,7 +61,10 @@ def flight_on(
             )
             for n, (first, channel, at) in enumerate(rates)
         ]  # fmt: skip
-        with contextlib.closing(PolledImus(chips, clock, bus=bus)) as imus:
+        with (
+            prompt_threads(),
+            contextlib.closing(PolledImus(chips, clock, rate_hz, bus=bus)) as imus,
+        ):
             imus.open()
             yield genuine.Flight(imus, plan)
 
@@ -87,11 +94,12 @@ def test_chip_that_stretches_the_clock_misses_ticks_and_no_more() -> None:
         assert flight.count("read_failed") == 0
 
 
-def test_three_chips_behind_a_multiplexer_each_give_their_own_rate() -> None:
+def test_three_chips_behind_a_multiplexer_each_give_their_own_rate(machine_speed: float) -> None:
+    rate_hz = machine.rate_hz(FULL_HZ, machine_speed)
     rates = (0.2, -0.4, 0.6)
     places = {(MUX, channel, ADDRESS): rate for channel, rate in zip((0, 3, 7), rates, strict=True)}
-    with flight_on(10, places, mode=Mode.GYRONLY) as flight:
-        assert_own_rates(flight, rates)
+    with flight_on(10, places, mode=Mode.GYRONLY, rate_hz=rate_hz) as flight:
+        assert_own_rates(flight, rates, rate_hz)
         # GIVEN three chips on one address WHEN one stops to acknowledge THEN the others go on
         end_ns = flight.fault("nak", genuine.LONGEST_S, pod=1)
         during = flight.read(genuine.LONGEST_S)
@@ -100,11 +108,12 @@ def test_three_chips_behind_a_multiplexer_each_give_their_own_rate() -> None:
         # WHEN it is back THEN it is read again, and by its own channel
         back = flight.wait_for(1, pod="1")
         assert (back[0].t_ns - end_ns) * 1e-9 < genuine.RETURN_S
-        assert_own_rates(flight, rates)
+        assert_own_rates(flight, rates, rate_hz)
 
 
-def assert_own_rates(flight: genuine.Flight, rates: Sequence[float]) -> None:
-    samples = flight.read(1.0)
+def assert_own_rates(flight: genuine.Flight, rates: Sequence[float], rate_hz: int) -> None:
+    """Read 100 ticks; at least 30 of each chip must be samples, at its own rate."""
+    samples = flight.read(FULL_HZ / rate_hz)
     for n, rate in enumerate(rates):
         mine = [s for s in samples if s.pod == str(n)]
         assert len(mine) > 30, flight.imus.health()
