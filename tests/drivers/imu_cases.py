@@ -1,8 +1,9 @@
-"""The chips that the contract of IMU sources is tested on: another chip is one more case."""
+"""The chips of the contract of IMU sources: every kind that the configuration has."""
 
 from dataclasses import dataclass
+from typing import get_args
 
-from avionics.config.chips import Bno055Settings, Chip, Icm42688Settings
+from avionics.config.chips import Bno055Settings, Chip, ChipSettings, Icm42688Settings
 
 
 @dataclass(frozen=True)
@@ -17,8 +18,8 @@ class ChipCase:
         What it can be behind.
     raw : Chip
         Set to give rates alone, at its plainest.
-    whole : Chip
-        Set to give all it has.
+    whole : Chip or None
+        Set to give all it has; None if that is no more.
     has_flux : bool
         Whether that includes the magnetic flux.
     aged : tuple of Chip
@@ -30,7 +31,7 @@ class ChipCase:
     name: str
     buses: tuple[str, ...]
     raw: Chip
-    whole: Chip
+    whole: Chip | None
     has_flux: bool
     aged: tuple[Chip, ...]
     scaled: tuple[tuple[Chip, float], ...]
@@ -70,7 +71,23 @@ ICM42688 = ChipCase(
         (Icm42688Settings(kind="icm42688", gyro_range_dps=dps), dps / 32768) for dps in (2000, 250)
     ),
 )
-CASES = (BNO055, ICM42688)
+
+
+def plain_case(kind: str) -> ChipCase:
+    """Return the case of a chip of which nothing but its kind is known here: a gyro alone."""
+    chip = SETTINGS[kind](kind=kind)
+    return ChipCase(kind, chip.links, chip, None, has_flux=False, aged=(chip,), scaled=())
+
+
+SETTINGS = {
+    get_args(settings.model_fields["kind"].annotation)[0]: settings
+    for settings in ChipSettings.__subclasses__()
+}
+_KNOWN = (BNO055, ICM42688)
+CASES = (
+    *_KNOWN,
+    *(plain_case(kind) for kind in SETTINGS if kind not in {case.name for case in _KNOWN}),
+)
 
 
 def each(of: str) -> list[tuple[str, Chip] | tuple[str, Chip, float]]:
@@ -89,4 +106,6 @@ def name_of(value: object) -> str | None:
         return f"{value.mode}-{value.gyro_range_dps}-{value.gyro_bandwidth_hz}"
     if isinstance(value, Icm42688Settings):
         return f"icm-{value.data_hz}-{value.gyro_range_dps}-{value.gyro_bandwidth_hz}"
+    if isinstance(value, ChipSettings):
+        return str(value.kind)
     return value if isinstance(value, str) else None
