@@ -5,6 +5,7 @@ type: a path, hunks without line numbers, and context lines that stand in the fi
 """
 
 import re
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +21,7 @@ class Recipe:
     name: str
     changes: dict[str, list[list[str]]]
     scripts: list[str]
-    tests: list[str]
+    tests: list[list[str]]
 
     def apply(self, tree: Path) -> None:
         """Change a copy of the tree."""
@@ -53,7 +54,7 @@ def recipe(section: str) -> Recipe:
         changes.setdefault(path, []).extend(hunk.splitlines() for hunk in rest)
     tests = re.findall(r"`\.venv/bin/python -m pytest ([^`]+)`", section)
     scripts = re.findall(r"`\.venv/bin/python (\S+\.py)`", section)
-    return Recipe(name, changes, scripts, [word for line in tests for word in line.split()])
+    return Recipe(name, changes, scripts, [shlex.split(line) for line in tests])
 
 
 def changed(path: str, old: list[str] | None, hunks: list[list[str]]) -> list[str]:
