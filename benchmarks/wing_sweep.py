@@ -19,7 +19,7 @@ from avionics.analysis.evaluate import evaluate
 from avionics.analysis.flight import read_flight
 from avionics.analysis.replay import replay
 from avionics.config.load import apply_overrides, parse_config
-from avionics.datasets.import_set import import_set
+from avionics.datasets.importer import import_set
 from avionics.flight.pipelines import Pipelines
 from avionics.recording import LogReader
 from drivers.samples import ImuSample

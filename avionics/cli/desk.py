@@ -42,7 +42,7 @@ def import_(
 
     from rich.console import Console  # noqa: PLC0415
 
-    from avionics.datasets.import_set import import_set  # noqa: PLC0415
+    from avionics.datasets.importer import import_set  # noqa: PLC0415
 
     with progress_bar("importing", None) as progress:
         summary = import_set(directory, output, calibrate=calibrate, force=force, progress=progress)

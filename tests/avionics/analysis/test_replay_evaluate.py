@@ -6,7 +6,7 @@ import pytest
 from avionics.analysis.evaluate import evaluate
 from avionics.analysis.flight import read_flight
 from avionics.analysis.replay import replay
-from avionics.datasets.import_set import import_set
+from avionics.datasets.importer import import_set
 from avionics.errors import ConfigError, RecordingError
 from avionics.recording import EncodedFrame, LogReader, LogWriter
 from avionics.records import Truth, WingShapeEstimate

@@ -19,7 +19,7 @@ from avionics.calibration.extrinsics import (
 )
 from avionics.calibration.intrinsics import Intrinsics, calibrate_lens
 from avionics.config import Camera, Config
-from avionics.datasets.format import DataSet, MocapTable
+from avionics.datasets.data_set import DataSet, MocapTable
 from avionics.errors import DataSetError
 from avionics.records import FloatArray
 from avionics.tracking.assignment import NONE, assign, common_shift

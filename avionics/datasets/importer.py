@@ -15,8 +15,8 @@ from rich.table import Table
 from avionics.config import Camera, Config, Estimator, Marker, Pod, Recorder, Wing
 from avionics.config.chips import GYRO_BANDWIDTHS_HZ, Bno055Settings
 from avionics.config.load import explain
-from avionics.datasets.calibrate import SetCalibration, calibrate_set
-from avionics.datasets.format import DataSet, read_data_set
+from avionics.datasets.camera_calibration import SetCalibration, calibrate_set
+from avionics.datasets.data_set import DataSet, read_data_set
 from avionics.errors import DataSetError
 from avionics.recording import LogWriter, appearing_whole
 from avionics.records import Event, Truth

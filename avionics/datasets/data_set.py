@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.datasets.csv import CsvColumns, Skips, read_csv
+from avionics.datasets.csv_table import CsvColumns, Skips, read_csv
 from avionics.datasets.wing_yaml import WingDescription, read_wing_yaml
 from avionics.errors import DataSetError
 from avionics.records import FloatArray
