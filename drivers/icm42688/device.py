@@ -22,9 +22,10 @@ from drivers.register_port import RegisterPort
 from drivers.repeats import Repeats
 from drivers.samples import ImuSample
 
-# A second look costs one burst, so these may be passed by a hard manoeuvre.
-GYRO_STEP_RAD_S = 3.5
-ACCEL_STEP_M_S2 = 60.0
+# A second look costs one burst, 0.2 ms over SPI, so a manoeuvre may pass these. A false bit 7 is
+# 0.14 rad/s at 2000 deg/s.
+GYRO_STEP_RAD_S = 0.1
+ACCEL_STEP_M_S2 = 5.0
 
 
 class Icm42688:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from avionics.config.chips import Bno055Settings
+from avionics.config.chips import Bno055Settings, Icm42688Settings
 from sim_bus.guests.uml import missing, run_in_guest
 from tests.drivers import kernel_faults
 from tests.drivers.cameras import camera_faults
@@ -75,6 +75,15 @@ CASES = (
     Case("i2c", "freeze", 1.0, "frozen", 0.9, "reset after 25 equal bursts", wrong_s=0.06),
     Case("i2c", "zero", 0.5, "all_zero", 0.9, "refused; reset if it lasts"),
     Case("i2c", "wrong_chip", 0.5, "identify_retries", 0.3, "refused until the right one answers"),
+    Case("spi", "io_error", 0.5, "spi_io", 0.3, "brought up again in the background"),
+    Case("spi", "spi_low", 0.5, "all_zero", 0.3, "refused until the right chip id is back"),
+    Case("spi", "spi_high", 0.5, "all_ones", 0.3, "refused until the right chip id is back"),
+    Case("spi", "spike", 1.0, "spikes", 0.1, "second look at what departs from the motion", 0.3),
+    Case("spi", "brown_out", 0.001, "reinitialised", 0.2, "reset, set up again, read back"),
+    Case("spi", "config_reset", 0.001, "resets", 0.2, "the next burst says so; set up again"),
+    Case("spi", "page_left", 0.001, "wrong_bank", 0.1, "bank 0 written back"),
+    Case("spi", "freeze", 1.0, "frozen", 0.9, "reset after 25 equal bursts", wrong_s=0.06),
+    Case("spi", "zero", 0.5, "all_zero", 0.9, "refused; reset if it lasts"),
     Case("uart", "uart_overrun", 1.0, "uart_overrun", 0.2, "repeated after 40 ms", 0.3),
     Case("uart", "uart_silence", 0.5, "uart_timeout", 0.6, "brought up again in the background"),
     Case("uart", "uart_garbage", 1.0, "uart_wrong_answer", 0.6, "answer must fit the request", 0.3),
@@ -102,7 +111,8 @@ CASES = (
 
 def run(case: Case, *, seed: int = 3) -> Outcome:
     """Fly one case."""
-    bench = make_bench(case.bus, chip=Bno055Settings(mode="amg"), seed=seed)
+    chip = Icm42688Settings(kind="icm42688") if case.bus == "spi" else Bno055Settings(mode="amg")
+    bench = make_bench(case.bus, chip=chip, seed=seed)
     try:
         return _run(bench, case)
     finally:
@@ -235,8 +245,9 @@ def main() -> None:
     head = (
         "# Faults on the sensor buses\n\n"
         "Made by `python -m tests.drivers.fault_matrix` from seeded flights of the simulated chip\n"
-        "behind each bus, from a scripted GStreamer child, and from a pod on vcan in a guest's\n"
-        "kernel (`can, kernel`); the tests assert the bounds.\n\n"
+        "behind each bus (on SPI an ICM-42688-P, elsewhere a BNO055), from a scripted GStreamer\n"
+        "child, and from a pod on vcan in a guest's kernel (`can, kernel`); the tests assert the\n"
+        "bounds.\n\n"
     )
     PAGE.write_text(head + table(), encoding="utf-8")
 
