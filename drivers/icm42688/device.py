@@ -193,7 +193,8 @@ class Icm42688:
     def _burst(self) -> tuple[int, Words]:
         """Return when the chip gave its data, ns, and the words, accelerometer first.
 
-        A burst is of one sample: the chip holds its data registers from the first byte on.
+        A burst is of one sample: the data registers are read in step with the interface (SYNCR,
+        Sec. 13.1).
         """
         before_ns = self._clock.now_ns()
         try:
