@@ -1,7 +1,7 @@
 """I2C and SPI nodes and serial ports that come back: an adapter pulled out and put in again.
 
 An open file of a node that vanished stays dead for good, so it is closed and the node is opened
-anew with the next transfer, until that works.
+again with the next transfer, until that works.
 """
 
 import errno

@@ -68,7 +68,7 @@ def stop(
         time.sleep(0.05)
     if path.exists():
         msg = (
-            f"{path}: the bench was told to end, but has not after {wait_s:g} s; its truth is not "
+            f"{path}: the bench was asked to stop, but did not in {wait_s:g} s; its truth is not "
             "whole yet. Wait longer with --wait-s"
         )
         raise AvionicsError(msg)

@@ -29,7 +29,7 @@ def read_log_path(path: Path) -> Path:
 def progress_bar(title: str, total: float | None) -> Iterator[Callable[[float], None]]:
     """Show a bar on stderr where it is a terminal and the work lasts longer than two seconds.
 
-    Without a total it tells the seconds of flight that are done.
+    Without a total it shows the seconds of flight that are done.
     """
     if not sys.stderr.isatty():
         yield lambda _done: None

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a wish to end, for commands that run until told otherwise."""
+"""Ctrl-C and SIGTERM as a stop request, for commands that run until they are stopped."""
 
 import signal
 import threading

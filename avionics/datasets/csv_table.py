@@ -1,4 +1,4 @@
-"""CSV files of a data set: columns by name, bad rows left out and told by line."""
+"""CSV files of a data set: columns by name, bad rows left out and reported by line."""
 
 import csv
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ class Skips:
 
     def texts(self) -> list[str]:
         """Return one line per reason."""
-        told = []
+        texts = []
         for (file, reason), count in self.counts.items():
             lines = self.lines.get((file, reason))
             where = (
@@ -41,8 +41,8 @@ class Skips:
                 if lines
                 else ""
             )
-            told.append(f"{file}: {reason}: {count}{where}")
-        return told
+            texts.append(f"{file}: {reason}: {count}{where}")
+        return texts
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """The data-set format: a folder with wing.yaml, imu.csv, a video, frames.csv and mocap.csv.
 
-Everything is checked on the way in. What cannot be used is left out, counted and told; what the
+Everything is checked on the way in. What cannot be used is left out, counted and reported; what the
 set cannot do without is an error that names file, row and remedy.
 """
 
@@ -115,12 +115,12 @@ class DataSet:
                 continue
             shown.add(number)
             yield row, image
-        # A set may be walked through more than once; what is missing is told once.
-        told = {
+        # A set may be walked through more than once; what is missing is reported once.
+        known = {
             (self.video.name, "pictures without a row in frames.csv"): unknown,
             ("frames.csv", f"rows beyond the end of {self.video.name}"): len(wanted) - len(shown),
         }
-        self.skips.counts.update({why: count for why, count in told.items() if count})
+        self.skips.counts.update({why: count for why, count in known.items() if count})
 
 
 def video_pictures(path: Path) -> Iterator[NDArray[np.uint8]]:

@@ -25,7 +25,7 @@ BIAS_M, BIAS_S, STEP = AT.gyro_bias_m, AT.gyro_bias_s, AT.d_theta
 
 @dataclass(frozen=True, slots=True)
 class GyroBelief:
-    """What the filter is told of the gyros: rad/s, one-sigma.
+    """What the filter assumes of the gyros: rad/s, one-sigma.
 
     Attributes
     ----------

@@ -99,7 +99,7 @@ def recover(broken: Path, fixed: Path, *, force: bool = False) -> Recovery:
 
 
 class _Copier:
-    """Writes raw records anew, with channel and schema numbers of the new file."""
+    """Writes raw records with the channel and schema numbers of a new file."""
 
     def __init__(self, target: LogFile, recovery: Recovery) -> None:
         self._target = target

@@ -25,7 +25,7 @@ SHAPE_PX = 1.0
 OWN_PX = 1.5
 """One-sigma of a single marker's deviation from its prediction, beyond the filter's own."""
 AGREEING = 0.6
-"""Share of the markers in view whose common shift is believed against the filter."""
+"""Share of the markers in view whose common shift is used against the filter's prediction."""
 COMMON_PX = 6.0
 """One-sigma of the common shift beyond the filter's own."""
 WIDE_PX = 25.0

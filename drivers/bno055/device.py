@@ -133,7 +133,7 @@ class Bno055:
             self._clock.sleep_until_ns(t_ns)
 
     def read(self, seq: int) -> ImuSample | None:
-        """Return one screened sample, or None if what came was rubbish or late (and counted).
+        """Return one screened sample, or None if what came was invalid or late (and counted).
 
         Parameters
         ----------
@@ -251,7 +251,7 @@ class Bno055:
         return taken_ns, words(data)
 
     def _second_look(self, values: Words, expected: Words) -> tuple[int, Words] | None:
-        """Return a burst to believe after a suspicious one."""
+        """Return a burst to use after a suspicious one."""
         t_ns, second = self._burst()
         if not is_suspicious(second, expected, self._step_limit):
             if is_suspicious(values, second, self._step_limit):

@@ -1,4 +1,4 @@
-"""What tells a burst of the BNO055 from one that was read wrong; pure functions, no bus."""
+"""Distinguishes a good burst of the BNO055 from one that was read wrong; pure functions."""
 
 from typing import Final
 

@@ -182,7 +182,7 @@ class CanImus:
         return groups
 
     def chip_ids(self) -> dict[str, bytes]:
-        """Return the unique ids of the pods' chips as far as the pods have told, by ``pod 1``."""
+        """Return the unique ids of the pods' chips as far as they have been sent, by ``pod 1``."""
         return {station.name: station.chip_id for station in self._stations.values()}
 
     def take_events(self) -> list[Event]:

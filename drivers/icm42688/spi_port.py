@@ -15,7 +15,7 @@ class SpiRegisterPort:
     """A chip on its own chip select of an SPI bus.
 
     Nothing acknowledges on this bus: what a dead line reads, all ones or zeros, looks like data,
-    and it is for the chip's driver to tell.
+    and it is for the chip's driver to notice.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 /* The node number in the last flash sector, written behind the one before: a word is programmed
  * in 16 us, while erasing would stall the pod for a second. 32,768 numbers fit; flashing the
- * sector anew empties it (docs/bring-up.md).
+ * sector again empties it (docs/bring-up.md).
  */
 #include "../core/pod_crc.h"
 #include "board.h"

@@ -100,7 +100,7 @@ typedef struct {
 } pod_pending_t;
 
 typedef struct {
-    bool has_listened; /* nobody else was heard with our node number */
+    bool has_listened; /* no other node with our number was received */
     uint64_t listen_until_us;
     uint64_t answer_after_us;
     uint64_t claim_until_us;   /* another pod that runs announces itself with our number */

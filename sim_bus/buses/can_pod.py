@@ -164,7 +164,7 @@ class SimPod:
             self._now_ns = self._due_ns
             self._step_once()
         self._now_ns = t_ns
-        # What was heard may want an answer before the next sample.
+        # What was received may want an answer before the next sample.
         if self._heard:
             self._step_once()
 
@@ -191,7 +191,7 @@ class SimPod:
         self._due_ns = self._now_ns + min(rest_ns, LONGEST_SLEEP_NS)
 
     def _is_cut(self) -> bool:
-        """Whether the pod is without power; it boots anew afterwards."""
+        """Whether the pod is without power; it boots again afterwards."""
         is_cut = self._faults.active("pod_silent", self._target, self._now_ns) is not None
         if self._was_cut and not is_cut:
             self._core.restart(self.node, reset_cause=5)

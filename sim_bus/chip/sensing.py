@@ -145,7 +145,7 @@ class Sensing:
         self, motion: Motion, errors: ImuErrors, rng: np.random.Generator, power_on_ns: int
     ) -> None:
         self._motion, self._errors, self._rng = motion, errors, rng
-        # Nothing tells when the chip latches: the phase is its own.
+        # When the chip latches is not known outside: the phase is its own.
         self._power_on_ns = power_on_ns - round(float(rng.random()) * 1e7)
         self._gyro_hz, self._acc_hz, self._data_hz = 32.0, 62.5, 100.0
         self._orders: tuple[int, int] = (2, 2)
@@ -166,7 +166,7 @@ class Sensing:
         orders: tuple[int, int] = (2, 2),
         delay_s: float | None = None,
     ) -> None:
-        """Set the low-passes and the data rate; filters settle anew where one changes.
+        """Set the low-passes and the data rate; filters settle again where one changes.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What every simulated chip offers to the buses that reach it and to the faults that befall it."""
+"""What every simulated chip offers to the buses that reach it and to the faults that act on it."""
 
 from typing import Protocol
 

@@ -36,7 +36,7 @@ SPEED_HZ = 0.5
 HEIGHT_HZ = 0.02
 LIMITS = (
     "The gyros are a phone's: 50 Hz, a few hundred deg/h of noise per root hertz, against "
-    "0.01 deg/h of the master that is assumed. They tell how the car moved, not what a master's "
+    "0.01 deg/h of the master that is assumed. They show how the car moved, not what a master's "
     "sensors would have put out, so the sensors are simulated on the recorded motion.",
     "Above 5 Hz the record is engine, mount and noise; it is cut off, so vibration is missing.",
     "Roll and pitch in the file are accelerometer tilts, wrong while the car accelerates. Only "

@@ -1,4 +1,4 @@
-"""What a reader of a distributed-POS study must be told in plain words."""
+"""Warnings that belong beside the results of a distributed-POS study."""
 
 from collections.abc import Iterator
 
@@ -16,7 +16,7 @@ DIVERGED_SIGMAS = 10.0
 
 
 def warnings(study: Study) -> Iterator[str]:
-    """Yield what a reader must not overlook: sigmas that cannot be believed, and divergence.
+    """Yield what a reader must not overlook: sigmas that are too small, and divergence.
 
     Within a run the error hardly changes, so each run counts as one draw.
     """

@@ -1,6 +1,6 @@
 """What Foxglove draws over a picture: squares where markers were found, circles where expected.
 
-Messages are kept and drawn again; making one anew takes several times as long.
+Messages are kept and drawn again; making a new one takes several times as long.
 """
 
 import math

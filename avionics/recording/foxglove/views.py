@@ -147,7 +147,7 @@ def _fractions(count: int) -> FloatArray:
 
 
 class _Scene(NamedTuple):
-    """A message with its parts at hand; moving them takes a tenth of making them anew.
+    """A message with its parts at hand; moving them takes a tenth of making a new one.
 
     Attributes
     ----------

@@ -44,7 +44,7 @@ class PackedChunk(NamedTuple):
 
 
 class Chunk:
-    """Collects records until they are packed; then begins anew."""
+    """Collects records until they are packed; then starts over."""
 
     def __init__(self) -> None:
         self._compressor = zstandard.ZstdCompressor()
