@@ -10,8 +10,7 @@ from avionics.config.load import apply_overrides, parse_config
 from avionics.errors import RecordingError
 from avionics.flight.pipelines import Pipelines
 from avionics.output_paths import refuse_inputs
-from avionics.recording import EncodedFrame, LogReader, appearing_whole
-from avionics.recording.log_process import LogProcess
+from avionics.recording import EncodedFrame, LogReader, LogWriter, appearing_whole
 from avionics.records import Event, Health, MarkerTracks, Truth
 from drivers.samples import Frame, ImuSample
 
@@ -96,7 +95,7 @@ def replay(
     }
     with (
         appearing_whole(output, force=force) as part,
-        LogProcess(
+        LogWriter(
             part,
             flown,
             utc_offset_ns=reader.utc_offset_ns,
@@ -125,7 +124,7 @@ def _configuration(
 
 class _Replay:
     def __init__(
-        self, config: FlightConfig, writer: LogProcess, *, track: bool, images: bool
+        self, config: FlightConfig, writer: LogWriter, *, track: bool, images: bool
     ) -> None:
         self._images, self._track = images, track
         self._pipelines = Pipelines(config, writer)

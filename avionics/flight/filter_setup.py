@@ -16,9 +16,9 @@ from avionics.wse.attitude import camera_attitude
 from avionics.wse.markers import MarkerModel
 from avionics.wse.modes import ModeBasis, basis_from_name, observable_modes, prior_variance
 from avionics.wse.pinhole import Lens, Pinhole
-from avionics.wse.process import ProcessNoise
 from avionics.wse.rates import ModalRates
-from avionics.wse.settings import OFFSET_WALK, TRUNCATION_FLOOR, UNSEEN_S, FilterSettings
+from avionics.wse.settings import OFFSET_WALK, TRUNCATION_FLOOR, FilterSettings
+from avionics.wse.state import RandomWalk, StateLayout
 
 if TYPE_CHECKING:
     from avionics.pos.wing_gs import WingGs
@@ -118,43 +118,54 @@ def settings_from_config(config: Config) -> FilterSettings:
     prior, paper_prior = prior_variance(basis, sigma), prior_variance(paper, sigma)
     s = stations(config.pods)
     psi0 = config.wing.psi0_rad
-    gyro = math.radians(e.gyro_noise_dps_sqrthz)
-    has_unseen = general and e.truncation_rad_sqrts == "auto"
-    truncation = TRUNCATION_FLOOR if has_unseen else 0.0
+    has_unobserved = general and e.truncation_rad_sqrts == "auto"
+    truncation = TRUNCATION_FLOOR if has_unobserved else 0.0
     if e.truncation_rad_sqrts != "auto":
         truncation = float(e.truncation_rad_sqrts)
-    noise = ProcessNoise(gyro, truncation, e.bias_walk_rad_s_sqrts, UNSEEN_S, OFFSET_WALK)
+    bias = RandomWalk(math.radians(e.bias_sigma_dps), e.bias_walk_rad_s_sqrts)
+    has_bias = general if e.bias_states == "auto" else bool(e.bias_states)
+    layout = StateLayout(
+        basis,
+        config.pod_names,
+        prior=prior,
+        truncation=truncation,
+        bias=bias if has_bias else None,
+        has_unobserved=has_unobserved,
+        offset=RandomWalk(e.time_offset_sigma_s, OFFSET_WALK) if _has_offset(config) else None,
+    )
+    camera = config.camera
     rate_hz = min((pod.chip.rate_hz for pod in config.pods), default=100.0)
     return FilterSettings(
         rates=ModalRates(basis, s, prior, psi0=psi0),
         paper_rates=ModalRates(paper, s, paper_prior, psi0=psi0),
-        noise=noise,
-        paper_noise=ProcessNoise(gyro, 0.0, 0.0),
+        layout=layout,
+        paper_layout=StateLayout(
+            paper, config.pod_names, prior=paper_prior, bias=RandomWalk(bias.sigma)
+        ),
         rules=UpdateRules(
             gate=e.gate_sigma,
             adapt=general,
             start_noise=1.0 if general else 8.0,
+            # To the millisecond, which is exact enough for the size of a noise.
+            frame_s=round(1.0 / (camera.fps if camera else 30.0), 3),
         ),
         prior=prior,
         paper_prior=paper_prior,
         pods_s=s,
         psi0=psi0,
+        gyro_noise=math.radians(e.gyro_noise_dps_sqrthz),
+        bias=bias,
         pod_period_ns=round(1e9 / rate_hz),
         step_ns=round(1e9 * e.row_period_s),
         history_ns=round(1e9 * e.history_s),
-        has_bias=general if e.bias_states == "auto" else bool(e.bias_states),
-        has_unseen=has_unseen,
-        has_offset=_has_offset(config),
-        bias_sigma=math.radians(e.bias_sigma_dps),
-        offset_sigma=e.time_offset_sigma_s,
-        row_time=config.camera.row_time_s if config.camera else 0.0,
+        row_time=camera.row_time_s if camera else 0.0,
     )
 
 
 def _has_offset(config: Config) -> bool:
     """Return whether the camera's time offset is a state.
 
-    One pod leaves rates unseen that look like an offset; it takes two to tell them apart.
+    One pod leaves rates unobserved that look like an offset; it takes two to tell them apart.
     """
     wanted = config.estimator.time_offset
     if wanted == "auto":

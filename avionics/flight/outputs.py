@@ -1,130 +1,76 @@
-"""What the pipeline has to write, in order, while the rows of some ticks are made together."""
+"""What leaves the pipelines: records and rows in their order, to one sink or to several."""
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol, runtime_checkable
 
-from avionics.flight.estimate_rows import RowBatch, RowMaker, Seen, Tick, row_batch
+from avionics.flight.estimate_rows import EstimateRows
 from avionics.topics import Record, Sink
+from avionics.wse.forecast import Forecast
+from avionics.wse.update import UpdateResult
 
 
-class Slot(NamedTuple):
-    """The place of rows among the records: those of the next tick, or of the next frame.
-
-    Attributes
-    ----------
-    wing : int
-        Whose they are.
-    is_tick : bool
-        Whether they are a tick's.
-    t_ns, now_ns : int
-        When they were true, and when they were made, ns.
-    """
-
-    wing: int
-    is_tick: bool
-    t_ns: int
-    now_ns: int
-
-
-Item = Slot | tuple[Record, int]
-"""Rows that are still to be made, or a record and its arrival, ns."""
-
-
-@runtime_checkable
-class BatchSink(Protocol):
-    """A sink that makes the rows itself, such as one in another process."""
-
-    def take(self, batches: Sequence[RowBatch], items: Sequence[Item]) -> None:
-        """Write records in order, and the rows of each wing in their places among them."""
-        ...
-
-
-class RowWriter:
-    """Makes rows and hands them to a sink with the records among which they stand.
-
-    Parameters
-    ----------
-    rows : sequence of RowMaker
-        Make the rows, one a wing.
-    sink : Sink
-        Takes every record.
-    """
-
-    def __init__(self, rows: Sequence[RowMaker], sink: Sink) -> None:
-        self._rows = rows
-        self._sink = sink
-
-    def take(self, batches: Sequence[RowBatch], items: Sequence[Item]) -> None:
-        """Write records in order, and the rows of each wing in their places among them."""
-        made = [
-            (iter(pairs), iter(singles))
-            for maker, batch in zip(self._rows, batches, strict=True)
-            for pairs, singles in [maker.together(batch)]
-        ]
-        for item in items:
-            if isinstance(item, Slot):
-                pairs, singles = made[item.wing]
-                for row in next(pairs) if item.is_tick else (next(singles),):
-                    self._sink.write(row, item.now_ns)
-            else:
-                self._sink.write(*item)
-
-
-class Outbox:
-    """Hands on what is to be written in the order in which it came, rows included.
+class OrderedOutput:
+    """Writes records and rows in the order in which they came, the rows of several ticks at once.
 
     Making the rows of several ticks in one call costs little more than making those of one. Rows
     wait until ``at_once`` ticks have passed, and what is written behind a waiting row waits too.
 
     Parameters
     ----------
-    sink : BatchSink
-        Takes rows and records.
-    wings : int
-        How many wings' rows there are.
+    sink : Sink
+        Takes every record.
     at_once : int
         Ticks whose rows are made together. Groups are counted in time, so that a replay forms the
         same ones.
     """
 
-    def __init__(self, sink: BatchSink, *, wings: int, at_once: int) -> None:
+    def __init__(self, sink: Sink, *, at_once: int) -> None:
         self._sink = sink
         self._at_once = at_once
-        self._items: list[Item] = []
-        self._ticks: list[list[Tick]] = [[] for _ in range(wings)]
-        self._seen: list[list[Seen]] = [[] for _ in range(wings)]
-        self._has_rows = False
+        self._waiting: list[tuple[Record | Forecast | UpdateResult, EstimateRows | None, int]] = []
+        self._forecasts: dict[EstimateRows, list[Forecast]] = {}
+        self._results: dict[EstimateRows, list[UpdateResult]] = {}
 
     def write(self, record: Record, arrival_ns: int) -> None:
-        """Take a record."""
-        self._items.append((record, arrival_ns))
-        if not self._has_rows:
-            self.flush()
+        """Take a record that arrived at ``arrival_ns``."""
+        if self._waiting:
+            self._waiting.append((record, None, arrival_ns))
+        else:
+            self._sink.write(record, arrival_ns)
 
-    def tick(self, tick: Tick, wing: int) -> None:
-        """Take a tick whose rows are due."""
-        self._items.append(Slot(wing, is_tick=True, t_ns=tick.t_ns, now_ns=tick.t_ns))
-        self._ticks[wing].append(tick)
-        self._has_rows = True
+    def write_tick(self, rows: EstimateRows, forecast: Forecast) -> None:
+        """Take a tick of a wing, whose rows ``rows`` will make."""
+        self._waiting.append((forecast, rows, forecast.t_ns))
+        self._forecasts.setdefault(rows, []).append(forecast)
+
+    def write_update(self, rows: EstimateRows, result: UpdateResult, now_ns: int) -> None:
+        """Take an update of a wing, made at ``now_ns``, whose row ``rows`` will make."""
+        self._waiting.append((result, rows, now_ns))
+        self._results.setdefault(rows, []).append(result)
 
     def end_tick(self, number: int) -> None:
-        """Hand on what waits if the tick that every wing has had ends a group."""
+        """Write what waits if the ``number``-th tick, which every wing has had, ends a group."""
         if (number + 1) % self._at_once == 0:
             self.flush()
 
-    def seen(self, seen: Seen, wing: int) -> None:
-        """Take a frame whose row is due."""
-        self._items.append(Slot(wing, is_tick=False, t_ns=seen.t_ns, now_ns=seen.now_ns))
-        self._seen[wing].append(seen)
-        self._has_rows = True
-
     def flush(self) -> None:
-        """Hand on everything that waits."""
-        items, ticks, seen = self._items, self._ticks, self._seen
-        self._items = []
-        self._ticks, self._seen = [[] for _ in ticks], [[] for _ in seen]
-        self._has_rows = False
-        self._sink.take([row_batch(*rows) for rows in zip(ticks, seen, strict=True)], items)
+        """Write everything that waits."""
+        waiting, self._waiting = self._waiting, []
+        forecasts, self._forecasts = self._forecasts, {}
+        results, self._results = self._results, {}
+        wings = [*forecasts, *(rows for rows in results if rows not in forecasts)]
+        made = {rows: rows.make(forecasts.get(rows, []), results.get(rows, [])) for rows in wings}
+        ticks = {rows: iter(of_ticks) for rows, (of_ticks, _) in made.items()}
+        frames = {rows: iter(of_frames) for rows, (_, of_frames) in made.items()}
+        for item, rows, arrival_ns in waiting:
+            if isinstance(item, Forecast):
+                assert rows is not None
+                for row in next(ticks[rows]):
+                    self._sink.write(row, arrival_ns)
+            elif isinstance(item, UpdateResult):
+                assert rows is not None
+                self._sink.write(next(frames[rows]), arrival_ns)
+            else:
+                self._sink.write(item, arrival_ns)
 
 
 class FanOut:

@@ -5,18 +5,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from avionics.config import Config
-from avionics.flight.estimate_rows import ROWS_PER_COVARIANCE, RowMaker, Seen, Tick
+from avionics.flight.estimate_rows import EstimateRows
 from avionics.flight.filter_setup import marker_model, settings_from_config, wing_gs
 from avionics.flight.health import HealthLog, Level
 from avionics.flight.imu_channel import ImuChannel
-from avionics.flight.outputs import Outbox
+from avionics.flight.outputs import OrderedOutput
 from avionics.kinds import GS
 from avionics.records import MarkerPrediction, MarkerTracks
 from avionics.topics import ROOT
-from avionics.wse.adaptive_noise import NO_VERDICT, Sighting, Verdict
 from avionics.wse.fusion import WingFusion
-from avionics.wse.gyro_inputs import GyroInputs
+from avionics.wse.gyro_rates import GyroInputs
 from avionics.wse.hypotheses import marker_hypotheses
+from avionics.wse.update import MarkerMeasurement, UpdateResult
 from drivers.samples import ImuSample
 
 if TYPE_CHECKING:
@@ -32,14 +32,10 @@ class Pipeline:
     ----------
     config : Config
         The wing, and how it is estimated.
-    outbox : Outbox
+    output : OrderedOutput
         Takes what is made: rows, events.
     health : HealthLog
         Takes the counters.
-    rows : RowMaker
-        Makes this wing's rows.
-    wing : int
-        Number of the wing in the outbox.
     is_only : bool
         Whether no other wing flies; otherwise sources carry this one's name.
     """
@@ -47,11 +43,9 @@ class Pipeline:
     def __init__(
         self,
         config: Config,
-        outbox: Outbox,
+        output: OrderedOutput,
         health: HealthLog,
-        rows: RowMaker,
         *,
-        wing: int = 0,
         is_only: bool = True,
     ) -> None:
         self._config = config
@@ -65,8 +59,8 @@ class Pipeline:
         self._hypotheses = marker_hypotheses(model, np.diag(settings.prior))
         self._fusion = WingFusion(settings, model, paper_model)
         self._gs = wing_gs(config, settings) if "gs" in config.estimators else None
-        self._rows, self._wing = rows, wing
-        self._sink, self._health = outbox, health
+        self._rows = EstimateRows(config, self._fusion)
+        self._output, self._health = output, health
         mirrored = config.wing.side == "left"
         self._channels = {
             pod.name: ImuChannel(
@@ -83,8 +77,7 @@ class Pipeline:
         self._health.declare(
             self._camera, "frames", "markers_found", "markers_gated", "too_old", "lock_outs"
         )
-        self._waiting: list[Sighting] = []
-        self._verdict = NO_VERDICT
+        self._waiting: list[MarkerMeasurement] = []
         self._fixed_pixel_sigma = config.estimator.pixel_sigma_px
 
     def on_imu(self, sample: ImuSample, arrival_ns: int) -> None:
@@ -130,75 +123,65 @@ class Pipeline:
         sigma = np.where(found, tracks.sigma_px, np.nan)
         if self._fixed_pixel_sigma != "auto":
             sigma = np.where(found, float(self._fixed_pixel_sigma), np.nan)
-        sighting = Sighting(tracks.t_ns + self._offset_ns, tracks.pixel, sigma, found)
-        late = self._config.estimator.late_frames == "arrival"
-        if late and self._fusion.has_begun:
-            known_ns = self._fusion.known_ns
-            sighting = Sighting(known_ns, sighting.pixel, sighting.sigma, sighting.found)
-        self._waiting.append(sighting)
+        t_ns = tracks.t_ns + self._offset_ns
+        if self._config.estimator.late_frames == "arrival" and self._fusion.has_begun:
+            t_ns = self._fusion.known_ns
+        self._waiting.append(MarkerMeasurement(t_ns, tracks.pixel, sigma, found))
         self._fuse_waiting(arrival_ns)
 
     def _fuse_waiting(self, now_ns: int) -> None:
-        """Fuse the sightings whose instant the gyros have reached."""
-        still: list[Sighting] = []
-        for sighting in self._waiting:
-            fits = self._fusion.can_take(sighting.t_ns)
-            if fits is None:
+        """Fuse the measurements whose instant the gyros have reached."""
+        waiting: list[MarkerMeasurement] = []
+        for measurement in self._waiting:
+            usable = self._fusion.can_use(measurement.t_ns)
+            if usable is None:
                 self._health.count(self._camera, "too_old")
-            elif not fits:
-                still.append(sighting)
+            elif not usable:
+                waiting.append(measurement)
             else:
-                self._fuse(sighting, now_ns)
-        self._waiting = still
+                result = self._fusion.update(measurement)
+                self._health.count(self._camera, "markers_gated", result.gated)
+                self._report(result, now_ns)
+                self._output.write_update(self._rows, result, now_ns)
+        self._waiting = waiting
 
-    def _fuse(self, sighting: Sighting, now_ns: int) -> None:
-        belief, verdict = self._fusion.take(sighting)
-        self._health.count(self._camera, "markers_gated", verdict.gated)
-        self._report(verdict, now_ns)
-        if verdict.used.any():
-            self._verdict = verdict
-        self._sink.seen(Seen(sighting.t_ns, now_ns, belief, verdict), self._wing)
-
-    def _report(self, verdict: Verdict, now_ns: int) -> None:
-        if verdict.locked_out:
+    def _report(self, result: UpdateResult, now_ns: int) -> None:
+        if result.locked_out:
             self._health.count(self._camera, "lock_outs")
-            message = f"most markers rejected ({verdict.gated} of {verdict.found})"
+            message = f"most markers rejected ({result.gated} of {result.found})"
             self._tell("warning", message, now_ns)
-        if verdict.lost:
-            self._tell("error", "the estimate was lost; starting anew", now_ns)
-        if verdict.reacquired:
-            message = f"shape found again from {int(verdict.used.sum())} markers that agree"
+        if result.lost:
+            self._tell("error", "the estimate was lost; restarted", now_ns)
+        if result.reacquired:
+            message = f"shape acquired again from {int(result.used.sum())} markers that agree"
             self._tell("warning", message, now_ns)
 
     def _tell(self, level: Level, message: str, now_ns: int) -> None:
         self._health.tell(f"{ESTIMATOR}{self._suffix}", level, message, now_ns)
 
     def restart(self) -> None:
-        """Forget everything: the next samples are a new start."""
-        self._fusion.begin_anew()
+        """Forget the past: the next samples are a new start."""
+        self._fusion.restart()
         if self._gs is not None:
-            self._gs.begin_anew()
+            self._gs.restart()
         self._waiting.clear()
 
-    def tick(self, tick_ns: int, number: int) -> None:
-        """Make the row that is due at an instant of the grid, the ``number``-th since zero."""
-        self._fusion.commit(tick_ns)
+    def tick(self, tick_ns: int) -> None:
+        """Make the rows that are due at an instant of the grid."""
+        self._fusion.advance(tick_ns)
         self._fuse_waiting(tick_ns)
-        outlook = self._fusion.row(tick_ns)
-        full = number % ROWS_PER_COVARIANCE == 0
-        self._sink.tick(Tick(tick_ns, number, outlook, self._verdict, full), self._wing)
+        self._output.write_tick(self._rows, self._fusion.forecast(tick_ns))
         if self._gs is not None:
             self._gs_row(self._gs, tick_ns)
         for channel in self._channels.values():
             channel.watch(tick_ns)
 
     def _gs_row(self, gs: "WingGs", tick_ns: int) -> None:
-        for level, message in gs.commit(tick_ns):
+        for level, message in gs.advance(tick_ns):
             self._health.tell(f"gs{self._suffix}", level, message, tick_ns)
-        belief = gs.row(tick_ns)
-        if belief is None:
-            return
-        self._sink.write(self._rows.single(tick_ns, GS, belief), tick_ns)
+        estimate = gs.estimate_at(tick_ns)
+        if estimate is not None:
+            self._output.write(self._rows.single(tick_ns, GS, estimate), tick_ns)
 
     def predict_markers(self, t_ns: int) -> MarkerPrediction:
         """Return where the markers are expected in a frame exposed at ``t_ns``.
@@ -206,11 +189,11 @@ class Pipeline:
         From the history where the gyros are known, extrapolated ahead of them, and from the
         start shape with its wide uncertainty before anything is known.
         """
-        belief = self._fusion.camera_aided(t_ns + self._offset_ns)
-        n = self._model.basis.count
-        view = self._model.view(belief.x[:n])
+        estimate = self._fusion.estimate_at(t_ns + self._offset_ns)
+        q = self._fusion.settings.layout.amplitudes
+        view = self._model.view(estimate.x[q])
         slopes = view.pixel_by_q
-        covariance = slopes @ belief.P[:n, :n] @ slopes.swapaxes(1, 2)
+        covariance = slopes @ estimate.P[q, q] @ slopes.swapaxes(1, 2)
         pixel = view.pixel.copy()
         pixel[~view.can_see] = np.nan
         covariance[~view.can_see] = np.nan

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 
 from avionics.config import ByCamera, FlightConfig
-from avionics.flight.estimate_rows import RowMaker
 from avionics.flight.health import HealthLog
-from avionics.flight.outputs import BatchSink, Outbox, RowWriter
+from avionics.flight.outputs import OrderedOutput
 from avionics.flight.pipeline import ESTIMATOR, Pipeline
 from avionics.records import MarkerPrediction, MarkerTracks
 from avionics.topics import ROOT, Record, Sink
@@ -28,22 +27,17 @@ class Pipelines:
     ----------
     config : Config or WingsConfig
         What flies.
-    sink : Sink or BatchSink
+    sink : Sink
         Takes every record: those received and those made.
     """
 
-    def __init__(self, config: FlightConfig, sink: Sink | BatchSink) -> None:
+    def __init__(self, config: FlightConfig, sink: Sink) -> None:
         configs = config.wing_configs
-        rows = [RowMaker(each) for each in configs]
-        self._outbox = Outbox(
-            sink if isinstance(sink, BatchSink) else RowWriter(rows, sink),
-            wings=len(configs),
-            at_once=config.estimator.rows_at_once,
-        )
-        self._health = HealthLog(self._outbox)
+        self._output = OrderedOutput(sink, at_once=config.estimator.rows_at_once)
+        self._health = HealthLog(self._output)
         self._wings = [
-            Pipeline(each, self._outbox, self._health, rows[i], wing=i, is_only=len(configs) == 1)
-            for i, each in enumerate(configs)
+            Pipeline(each, self._output, self._health, is_only=len(configs) == 1)
+            for each in configs
         ]
         self._of_pod: dict[str, Sequence[Pipeline]] = {ROOT: self._wings}
         self._of_camera = ByCamera(config, self._wings)
@@ -56,7 +50,7 @@ class Pipelines:
     def on_imu(self, sample: ImuSample, arrival_ns: int) -> None:
         """Take one sample of a pod or of the root."""
         self._catch_up(arrival_ns, before=True)
-        self._outbox.write(sample, arrival_ns)
+        self._output.write(sample, arrival_ns)
         pipelines = self._of_pod.get(sample.pod)
         if pipelines is None:
             self._health.count(f"pod {sample.pod}", "unknown")
@@ -67,7 +61,7 @@ class Pipelines:
     def on_tracks(self, tracks: MarkerTracks, arrival_ns: int) -> None:
         """Take the markers of one frame, as late and out of order as they come."""
         self._catch_up(arrival_ns, before=True)
-        self._outbox.write(tracks, arrival_ns)
+        self._output.write(tracks, arrival_ns)
         pipeline = self._of_camera.get(tracks.camera)
         if pipeline is None:
             self._health.count(f"camera {tracks.camera}", "unknown")
@@ -77,7 +71,7 @@ class Pipelines:
     def pass_on(self, record: Record, arrival_ns: int) -> None:
         """Write a record that no filter has use for, in its place among the others."""
         self._catch_up(arrival_ns, before=False)
-        self._outbox.write(record, arrival_ns)
+        self._output.write(record, arrival_ns)
 
     def advance(self, arrival_ns: int) -> None:
         """Emit every row that is due up to ``arrival_ns``, that instant included."""
@@ -104,7 +98,7 @@ class Pipelines:
         for pipeline in self._wings:
             pipeline.close(self._now_ns)
         self._health.account(self._now_ns, is_last=True)
-        self._outbox.flush()
+        self._output.flush()
         self._now_ns = 0
 
     def _catch_up(self, arrival_ns: int, *, before: bool) -> None:
@@ -123,15 +117,14 @@ class Pipelines:
         """Leave out the rows of a silence in which nothing at all arrived."""
         assert self._tick_ns is not None
         silent_s = (now_ns - self._tick_ns) * 1e-9
-        message = f"nothing arrived for {silent_s:.0f} s; starting anew"
+        message = f"nothing arrived for {silent_s:.0f} s; the estimators restart"
         self._health.tell(ESTIMATOR, "warning", message, self._tick_ns)
         for pipeline in self._wings:
             pipeline.restart()
         self._tick_ns = now_ns // self._period_ns * self._period_ns
 
     def _tick(self, tick_ns: int) -> None:
-        number = tick_ns // self._period_ns
         for pipeline in self._wings:
-            pipeline.tick(tick_ns, number)
+            pipeline.tick(tick_ns)
         self._health.account(tick_ns)
-        self._outbox.end_tick(number)
+        self._output.end_tick(tick_ns // self._period_ns)

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from avionics.pos.attitude import right_jacobian, rotation_from_vector
 from avionics.pos.flexure import Flexure
 from avionics.pos.online import GsBank, GyroBelief
-from avionics.wse.forecast import Belief
 from avionics.wse.geometry import WingGeometry
-from avionics.wse.gyro_inputs import GyroInputs
+from avionics.wse.gyro_rates import GyroInputs
 from avionics.wse.kinematics import euler_rate_matrix
 from avionics.wse.settings import FilterSettings
+from avionics.wse.state import Estimate
 
 FloatArray = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class WingGs:
         self._dt = settings.step_ns * 1e-9
         self._flexure = flexure
         self._rho_sigma = rho_sigma
-        self._noise = settings.noise.gyro / math.sqrt(self._dt)
+        self._noise = settings.gyro_noise / math.sqrt(self._dt)
         c, s = math.cos(settings.psi0), math.sin(settings.psi0)
         self._line_from_body = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         self._geometry = WingGeometry(settings.basis, settings.pods_s)
@@ -61,7 +61,7 @@ class WingGs:
         self._back_ns = 0
         self._news: list[News] = []
 
-    def begin_anew(self) -> None:
+    def restart(self) -> None:
         """Forget everything: the next samples are a new start."""
         self.inputs = GyroInputs(self._settings.rates, self._settings.pod_period_ns)
         self._bank = None
@@ -90,14 +90,14 @@ class WingGs:
         gyros = GyroBelief(
             noise_m=master * self._noise,
             noise_s=self._noise,
-            bias_m=master * self._settings.bias_sigma,
-            bias_s=self._settings.bias_sigma,
-            bias_walk=self._settings.noise.bias_walk,
+            bias_m=master * self._settings.bias.sigma,
+            bias_s=self._settings.bias.sigma,
+            bias_walk=self._settings.bias.walk,
         )
         pods = len(self._settings.pods_s)
         return GsBank(pods, self._dt, self._flexure, gyros, self._rho_sigma)
 
-    def commit(self, now_ns: int) -> list[News]:
+    def advance(self, now_ns: int) -> list[News]:
         """Run the filters over every step of the grid that is known at ``now_ns``.
 
         Returns
@@ -159,7 +159,7 @@ class WingGs:
             self._news.append(("info", f"the root IMU is back after {away_s:.2f} s"))
         self._back_ns, self._lost_ns, self._is_told = now_ns, None, False
 
-    def row(self, tick_ns: int) -> Belief | None:
+    def estimate_at(self, tick_ns: int) -> Estimate | None:
         """Return amplitudes and biases at a tick with what is known; None before the start.
 
         Parameters
@@ -178,7 +178,7 @@ class WingGs:
         whole = np.zeros((len(x), len(x)))
         whole[:n, :n] = P_q
         whole[range(n, len(x)), range(n, len(x))] = sigma.ravel() ** 2
-        return Belief(x, whole)
+        return Estimate(x, whole)
 
     def _amplitudes(self, u: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Fit the modes to the angles at the pods; what the pods do not see keeps its prior."""
@@ -198,7 +198,7 @@ class WingGs:
             to_q[family, :, axis] = matrix.T
             if matrix.shape[1]:
                 P_q[family, family] = (
-                    inverse.blind[family, family] * self._settings.prior[family][0]
+                    inverse.unobserved[family, family] * self._settings.prior[family][0]
                 )
         to_q = np.einsum("nma,mab->nmb", to_q, slopes)
         P_q += np.einsum("nma,mab,kmb->nk", to_q, P, to_q)

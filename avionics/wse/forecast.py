@@ -1,4 +1,4 @@
-"""What is known at some ticks, and the step ahead of the gyros that leads there."""
+"""Both estimators' states carried ahead of the gyros, to the ticks at which rows are due."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -8,146 +8,71 @@ from numpy.typing import NDArray
 
 from avionics.wse.gyro_step import GyroStep, stacked
 from avionics.wse.process import Process
-from avionics.wse.rates import ModalRates
+from avionics.wse.state import Estimate
+from avionics.wse.update import UpdateResult
 
 Array = NDArray[Any]
 
 
-class Belief(NamedTuple):
-    """State and covariance at one instant.
+class Forecast(NamedTuple):
+    """What is known when a tick is due, and the step ahead of the gyros that leads to it.
 
     Attributes
     ----------
-    x : ndarray, shape (size,)
-        Amplitudes, biases, time offset; (rows, size) in a stack.
-    P : ndarray, shape (size, size)
-        Its covariance.
-    """
-
-    x: Array
-    P: Array
-
-
-class Outlook(NamedTuple):
-    """What is known at a tick, and the step ahead of the gyros that leads there.
-
-    Attributes
-    ----------
-    rg, crg : Belief
-        Of both estimators; the covariance may be older than the state.
+    t_ns : int
+        The tick, ns.
+    rg, crg : Estimate
+        Newest estimates of RG-WSE and CRG-WSE; the covariance may be older than the state.
+    update : UpdateResult or None
+        The last update that used markers.
     step : GyroStep or None
         From the states to the tick; None where they are the tick's already.
     since_s : float
-        From the instant of the camera-aided covariance to the tick, s.
+        From the instant of CRG-WSE's covariance to the tick, s.
     scale : float
-        Factor on the variance of the unseen rates.
-    guess_error : ndarray, shape (M, 3)
-        Mean square error of the turns guessed ahead of the gyros, rad^2.
+        Process-noise scale.
+    turn_error : ndarray, shape (M, 3)
+        Mean square error of the turns guessed ahead of the gyros so far, rad^2.
     """
 
-    rg: Belief
-    crg: Belief
+    t_ns: int
+    rg: Estimate
+    crg: Estimate
+    update: UpdateResult | None
     step: GyroStep | None = None
     since_s: float = 0.0
     scale: float = 1.0
-    guess_error: Array | None = None
+    turn_error: Array | None = None
 
 
-class StepsAhead(NamedTuple):
-    """Steps of one kind; the arrays have the steps first.
-
-    Attributes
-    ----------
-    at : list of int
-        Which ticks they lead to.
-    step : GyroStep
-        The steps, stacked.
-    since_s, scale, guess_error : ndarray
-        As in ``Outlook``.
-    """
-
-    at: list[int]
-    step: GyroStep
-    since_s: Array
-    scale: Array
-    guess_error: Array
-
-
-class Outlooks(NamedTuple):
-    """The outlooks of some ticks, stacked: few arrays, to be worked on here or elsewhere.
-
-    Attributes
-    ----------
-    rg, crg : Belief
-        Of both estimators.
-    ahead : list of StepsAhead
-        Steps that are still to be done.
-    """
-
-    rg: Belief
-    crg: Belief
-    ahead: list[StepsAhead]
-
-
-def stack_outlooks(outlooks: Sequence[Outlook]) -> Outlooks:
-    """Return some outlooks, at least one, as one."""
-    alike: dict[object, list[int]] = {}
-    for i, outlook in enumerate(outlooks):
-        if outlook.step is not None:
-            alike.setdefault(outlook.step.kind, []).append(i)
-    return Outlooks(
-        stack_beliefs([outlook.rg for outlook in outlooks]),
-        stack_beliefs([outlook.crg for outlook in outlooks]),
-        [_ahead(at, [outlooks[i] for i in at]) for at in alike.values()],
-    )
-
-
-def stack_beliefs(beliefs: Sequence[Belief]) -> Belief:
-    """Return some beliefs as one."""
-    return Belief(np.array([b.x for b in beliefs]), np.array([b.P for b in beliefs]))
-
-
-def _ahead(at: list[int], outlooks: Sequence[Outlook]) -> StepsAhead:
-    return StepsAhead(
-        at,
-        stacked([outlook.step for outlook in outlooks if outlook.step is not None]),
-        np.array([outlook.since_s for outlook in outlooks]),
-        np.array([outlook.scale for outlook in outlooks]),
-        np.array([outlook.guess_error for outlook in outlooks]),
-    )
-
-
-class Extrapolation:
-    """Goes the steps ahead of the gyros, for both estimators.
+def at_ticks(
+    forecasts: Sequence[Forecast], process: Process, paper_process: Process
+) -> tuple[Estimate, Estimate]:
+    """Return (RG-WSE, CRG-WSE) at the ticks of some forecasts, stacked; one batched call for all.
 
     Parameters
     ----------
-    rates : ModalRates
-        Gyro kinematics in the camera-aided filter's basis.
+    forecasts : sequence of Forecast
+        At least one.
     process, paper_process : Process
-        Time updates of the camera-aided filter and of RG-WSE.
+        Time updates of CRG-WSE and of RG-WSE.
     """
+    rg, crg = stack([f.rg for f in forecasts]), stack([f.crg for f in forecasts])
+    alike: dict[object, list[int]] = {}
+    for i, forecast in enumerate(forecasts):
+        if forecast.step is not None:
+            alike.setdefault(forecast.step.kind, []).append(i)
+    for at in alike.values():
+        some = [forecasts[i] for i in at]
+        step = stacked([f.step for f in some if f.step is not None])
+        rg.x[at] = paper_process.move(rg.x[at], step)[0]
+        crg.x[at] = process.move(crg.x[at], step)[0]
+        since_s, scale = np.array([f.since_s for f in some]), np.array([f.scale for f in some])
+        drifted = process.drifted(crg.P[at], since_s, step, scale)
+        crg.P[at] = process.widen(drifted, step, np.array([f.turn_error for f in some]))
+    return rg, crg
 
-    def __init__(self, rates: ModalRates, process: Process, paper_process: Process) -> None:
-        self._rates = rates
-        self._process = process
-        self._paper_process = paper_process
-        self._diagonal = np.arange(rates.basis.count)
 
-    def beliefs(self, outlooks: Outlooks) -> tuple[Belief, Belief]:
-        """Return (RG-WSE, CRG-WSE) as flown at the ticks, stacked; one batched call for all."""
-        (rg_x, rg_P), (x, P) = outlooks.rg, outlooks.crg
-        for at, step, since_s, scale, error in outlooks.ahead:
-            rg_x[at] = self._paper_process.move(rg_x[at], step)[0]
-            x[at] = self._process.move(x[at], step)[0]
-            drifted = self._process.drifted(P[at], since_s, step, scale)
-            P[at] = self.widened(drifted, step, error)
-        return Belief(rg_x, rg_P), Belief(x, P)
-
-    def widened(self, P: Array, step: GyroStep, error: Array) -> Array:
-        """Add to ``P``, in place, how wrong the turns guessed ahead of the gyros were so far."""
-        inverse = self._rates.inverse(step.live)
-        families = (inverse.phi, inverse.theta, inverse.psi)
-        added = [error[..., axis] @ family**2 for axis, family in enumerate(families)]
-        P[..., self._diagonal, self._diagonal] += np.concatenate(added, axis=-1)
-        return P
+def stack(estimates: Sequence[Estimate]) -> Estimate:
+    """Return some estimates as one, its arrays with the estimates first."""
+    return Estimate(np.array([e.x for e in estimates]), np.array([e.P for e in estimates]))

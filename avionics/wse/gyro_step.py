@@ -1,4 +1,4 @@
-"""What the gyros said between two instants: the input of the time update."""
+"""What the gyros measured between two instants, or at one: the input of the time update."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -26,7 +26,7 @@ class Regime(NamedTuple):
 
 
 class GyroStep(NamedTuple):
-    """What the gyros said between two instants; ``stacked`` gives every array a leading axis.
+    """The gyros' rates between two instants; ``stacked`` gives every array a leading axis.
 
     Attributes
     ----------
@@ -54,6 +54,24 @@ class GyroStep(NamedTuple):
     def kind(self) -> tuple[tuple[bool, ...], bool]:
         """What steps have in common that can be stacked."""
         return self.regime.live, self.body is None
+
+
+class Motion(NamedTuple):
+    """How the amplitudes move at an exposure; needed where a frame shows another instant.
+
+    Attributes
+    ----------
+    rate : ndarray, shape (n,)
+        As the gyros measure it, rad/s.
+    acceleration : ndarray, shape (n,)
+        rad/s^2.
+    live : tuple of bool
+        Which pods delivered.
+    """
+
+    rate: Array
+    acceleration: Array
+    live: tuple[bool, ...] = ()
 
 
 def stacked(steps: Sequence[GyroStep]) -> GyroStep:

@@ -107,6 +107,12 @@ class ModeBasis:
         return slice(self.bending + self.twist, self.count)
 
     @property
+    def labels(self) -> list[str]:
+        """Name of every amplitude, e.g. ``phi 1``."""
+        counts = (("phi", self.bending), ("theta", self.twist), ("psi", self.inplane))
+        return [f"{family} {n}" for family, count in counts for n in range(1, count + 1)]
+
+    @property
     def order(self) -> Array:
         """Number of each amplitude within its family, from 1, shape (count,)."""
         return np.concatenate(

@@ -26,7 +26,7 @@ class LiveInverse:
     ----------
     phi, theta, psi : ndarray, shapes (M, N), (M, Nt), (M, Np)
         Transposed inverses: ``rates_at_pods @ phi``.
-    blind : ndarray, shape (count, count)
+    unobserved : ndarray, shape (count, count)
         Covariance of the errors of the modal rates while every family's first amplitude moves
         with unit variance: what the live pods leave undetermined, and what modes beyond the
         basis add to their rates. Blocks by family.
@@ -41,7 +41,7 @@ class LiveInverse:
     phi: Array
     theta: Array
     psi: Array
-    blind: Array
+    unobserved: Array
     one_mode: tuple[PodWeights, ...] | None
     whole: Array
     psi_from_nodes: Array
@@ -104,7 +104,7 @@ class ModalRates:
 
     def _make_inverse(self, live: Array) -> LiveInverse:
         basis = self.basis
-        blind = np.zeros((basis.count, basis.count))
+        unobserved = np.zeros((basis.count, basis.count))
         inverses = []
         families = (basis.phi, basis.theta, basis.psi)
         for family, shapes in zip(families, self._shapes, strict=True):
@@ -118,14 +118,14 @@ class ModalRates:
                 variance = prior[0] * (2.0 * np.arange(1, every.shape[1] + 1) - 1.0) ** -2
                 variance[:count] = prior
                 wrong = np.eye(count, every.shape[1]) - inverse.T @ every
-                blind[family, family] = (wrong * (variance / prior[0])) @ wrong.T
+                unobserved[family, family] = (wrong * (variance / prior[0])) @ wrong.T
         phi, theta, psi = inverses
         whole = np.zeros((self.pods, 3, basis.count))
         for axis, (family, inverse) in enumerate(zip(families, inverses, strict=True)):
             whole[:, axis, family] = inverse
         one_mode = self._one_mode(live, phi, theta) if self._is_one_mode else None
         by_pod = whole.reshape(-1, basis.count)
-        return LiveInverse(phi, theta, psi, blind, one_mode, by_pod, self._to_pods @ psi)
+        return LiveInverse(phi, theta, psi, unobserved, one_mode, by_pod, self._to_pods @ psi)
 
     def _one_mode(self, live: Array, phi: Array, theta: Array) -> tuple[PodWeights, ...]:
         columns = (self._shapes[0], self._shapes[1], phi, theta)

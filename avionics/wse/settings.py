@@ -3,20 +3,18 @@
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from avionics.wse.adaptive_noise import Trust, UpdateRules
+from avionics.wse.adaptive_noise import AdaptiveNoise, UpdateRules
 from avionics.wse.modes import ModeBasis
-from avionics.wse.process import Process, ProcessNoise
+from avionics.wse.process import Process
 from avionics.wse.rates import ModalRates
+from avionics.wse.state import RandomWalk, StateLayout
 
 Array = NDArray[Any]
 
-# "auto" truncation noise: a floor while the wing rests, rad/sqrt(s), and the time over which
-# motion that the pods do not see stays alike, s.
+# "auto" truncation noise: a floor while the wing rests, rad/sqrt(s).
 TRUNCATION_FLOOR = 5e-4
-UNSEEN_S = 0.1
 # A camera's clock against the gyros', s/sqrt(s): 1 ms in a minute and a half.
 OFFSET_WALK = 1e-4
 
@@ -29,43 +27,40 @@ class FilterSettings:
     ----------
     rates, paper_rates : ModalRates
         Gyro kinematics in the filter's basis and in RG-WSE's.
-    noise, paper_noise : ProcessNoise
-        Densities.
+    layout, paper_layout : StateLayout
+        What the states of CRG-WSE and RG-WSE hold.
     rules : UpdateRules
-        How measurements are believed.
+        How measurements are gated and weighted.
     prior, paper_prior : ndarray
         Prior variances of the amplitudes, rad^2.
     pods_s : ndarray, shape (M,)
         Stations of the pods, m.
     psi0 : float
         Sweep at the root, rad.
+    gyro_noise : float
+        Noise density of the gyros, rad/s/sqrt(Hz).
+    bias : RandomWalk
+        Of the gyros' biases, rad/s.
     pod_period_ns, step_ns, history_ns : int
-        Sample period of the pods, step of the filter, oldest frame taken, ns.
-    has_bias, has_unseen, has_offset : bool
-        Whether gyro biases, unseen rates and the camera's time offset are states.
-    bias_sigma, offset_sigma : float
-        Their initial one-sigmas, rad/s and s.
+        Sample period of the pods, step of the filter, oldest frame used, ns.
     row_time : float
         Rolling shutter, s per row.
     """
 
     rates: ModalRates
     paper_rates: ModalRates
-    noise: ProcessNoise
-    paper_noise: ProcessNoise
+    layout: StateLayout
+    paper_layout: StateLayout
     rules: UpdateRules
     prior: Array
     paper_prior: Array
     pods_s: Array
     psi0: float
+    gyro_noise: float
+    bias: RandomWalk
     pod_period_ns: int
     step_ns: int
     history_ns: int
-    has_bias: bool
-    has_unseen: bool
-    has_offset: bool
-    bias_sigma: float
-    offset_sigma: float
     row_time: float
 
     @property
@@ -75,36 +70,16 @@ class FilterSettings:
 
     def process(self) -> Process:
         """Return the camera-aided filter's time update."""
-        return Process(
-            self.rates,
-            self.noise,
-            has_bias=self.has_bias,
-            has_unseen=self.has_unseen,
-            has_offset=self.has_offset,
-        )
+        return Process(self.rates, self.layout, self.gyro_noise)
 
     def paper_process(self) -> Process:
         """Return that of RG-WSE, whose biases stay zero."""
-        return Process(self.paper_rates, self.paper_noise, has_bias=True)
+        return Process(self.paper_rates, self.paper_layout, self.gyro_noise)
 
-    def start_P(self, process: Process) -> Array:
-        """Return the covariance before anything is known."""
-        n = len(self.prior)
-        variance = np.zeros(process.size)
-        variance[:n] = self.prior
-        variance[process.bias] = self.bias_sigma**2
-        if process.offset is not None:
-            variance[process.offset] = self.offset_sigma**2
-        return np.diag(variance)
-
-    def start_trust(self) -> Trust:
-        """Return what the updates believe before the first frame."""
-        noise = self.rules.start_noise**2
+    def start_noise(self) -> AdaptiveNoise:
+        """Return the adaptive noise before the first frame."""
+        variance = self.rules.start_noise**2
+        if len(self.pods_s):
+            return AdaptiveNoise(variance)
         # Without gyros the activity is not measured: 1 rad/s instead of its start value.
-        return Trust(noise) if len(self.pods_s) else Trust(noise, surprise_apart=100.0)
-
-    def paper_start_P(self, size: int) -> Array:
-        """Return the covariance of RG-WSE's start; the biases are never estimated."""
-        variance = np.full(size, self.bias_sigma**2)
-        variance[: len(self.paper_prior)] = self.paper_prior
-        return np.diag(variance)
+        return AdaptiveNoise(variance, scale_partial=100.0)

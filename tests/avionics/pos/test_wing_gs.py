@@ -87,9 +87,9 @@ def test_a_turning_root_tells_the_static_bend(config: Config) -> None:
         gs.inputs.add_root(t_ns, root)
         for pod, rate in enumerate(pods):
             gs.inputs.add(pod, t_ns, rate)
-        gs.commit(t_ns)
+        gs.advance(t_ns)
         if k > 4000 and k % 50 == 0:
-            row = gs.row(t_ns)
+            row = gs.estimate_at(t_ns)
             assert row is not None
             at_pods = settings.basis.shape(settings.pods_s, settings.basis.bending)
             found = at_pods @ row.x[settings.basis.phi]
@@ -126,8 +126,8 @@ def test_a_root_that_is_lost_or_late_leaves_no_false_confidence(
             gs.inputs.add_root(t_ns, root)
         for pod, rate in enumerate(pods):
             gs.inputs.add(pod, t_ns, rate)
-        told += gs.commit(t_ns)
-        row = gs.row(t_ns)
+        told += gs.advance(t_ns)
+        row = gs.estimate_at(t_ns)
         if row is None:
             continue
         found = at_pods @ row.x[settings.basis.phi]

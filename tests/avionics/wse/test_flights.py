@@ -240,7 +240,7 @@ def test_a_wrong_lock_is_noticed_reported_and_left() -> None:
     # THEN the jump and the way back are in the log, and the shape is right again
     told = [e.message for e in sink.events() if e.source == "estimator"]
     assert any("rejected" in m for m in told)
-    assert any("found again" in m for m in told)
+    assert any("acquired again" in m for m in told)
     assert rms_mm(tip_errors(flight, sink.estimates("filtered"), 6.5)) < 4.0
 
 

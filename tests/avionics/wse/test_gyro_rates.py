@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from avionics.wse.gyro_inputs import GyroInputs
-from avionics.wse.gyro_rates import RateTrack
+from avionics.wse.gyro_rates import GyroInputs, RateTrack
 from avionics.wse.modes import ModeBasis
 from avionics.wse.rates import ModalRates
 

@@ -3,17 +3,21 @@ import pytest
 from numpy.testing import assert_allclose
 
 from avionics.wse.gyro_step import GyroStep, Regime
-from avionics.wse.process import Process, ProcessNoise
+from avionics.wse.process import Process
 from avionics.wse.rates import ModalRates
+from avionics.wse.state import RandomWalk, StateLayout
 
 PODS = np.array([0.6, 1.2])
+BIAS = RandomWalk(0.02, 1e-5)
 LIVE = Regime((True, True), np.array([1.0, 0.5, 0.2]))
 
 
 def make_process(basis, **options) -> Process:
-    noise = ProcessNoise(2.4e-4, 1e-3, 1e-5, unseen_s=0.1, offset_walk=1e-4)
-    rates = ModalRates(basis, PODS, np.ones(basis.count))
-    return Process(rates, noise, **{"has_bias": True, **options})
+    prior = np.ones(basis.count)
+    layout = StateLayout(
+        basis, ("0", "1"), prior=prior, truncation=1e-3, **{"bias": BIAS, **options}
+    )
+    return Process(ModalRates(basis, PODS, prior), layout, 2.4e-4)
 
 
 def make_steps(count: int, dt: float = 0.01) -> list[GyroStep]:
@@ -22,7 +26,7 @@ def make_steps(count: int, dt: float = 0.01) -> list[GyroStep]:
 
 
 def test_midpoint_rule_is_of_second_order(basis, q) -> None:
-    process = make_process(basis, has_bias=False)
+    process = make_process(basis, bias=None)
     rates = np.array([[0.9, 0.4, -0.3], [1.3, -0.5, 0.6]])
 
     def after(pieces: int) -> np.ndarray:
@@ -40,7 +44,7 @@ def test_midpoint_rule_is_of_second_order(basis, q) -> None:
 def test_eqs9_to_11_against_finite_differences(basis, q) -> None:
     process = make_process(basis)
     step = make_steps(1)[0]
-    n, size = 6, process.size
+    n, size = 6, process.layout.size
     x = np.concatenate([q, np.full(6, 0.01)])
     _, middle = process.move(x, step)
     h = 1e-6
@@ -66,12 +70,12 @@ def test_eqs9_to_11_against_finite_differences(basis, q) -> None:
 
 
 def test_a_batch_of_steps_equals_single_steps(basis, q) -> None:
-    process = make_process(basis, has_unseen=True, has_offset=True)
+    process = make_process(basis, has_unobserved=True, offset=RandomWalk(0.02, 1e-4))
     steps = make_steps(7)
     steps[3] = GyroStep(0.004, steps[3].rates, Regime((True, False), LIVE.activity))
-    x = np.zeros(process.size)
+    x = np.zeros(process.layout.size)
     x[:6] = q
-    P = 1e-3 * np.eye(process.size)
+    P = 1e-3 * np.eye(process.layout.size)
     states, covariances = process.run(x, P, steps)
     for step, state, covariance in zip(steps, states, covariances, strict=True):
         (x,), (P,) = process.run(x, P, [step])
@@ -79,14 +83,14 @@ def test_a_batch_of_steps_equals_single_steps(basis, q) -> None:
         assert_allclose(P, covariance, rtol=0, atol=1e-15)
 
 
-def test_unseen_rates_fade_and_reach_their_stationary_variance(basis) -> None:
-    process = make_process(basis, has_bias=False, has_unseen=True)
+def test_unobserved_rates_fade_and_reach_their_stationary_variance(basis) -> None:
+    process = make_process(basis, bias=None, has_unobserved=True)
     quiet = [GyroStep(0.01, np.zeros((2, 3)), LIVE)] * 200
     x = np.zeros(12)
     x[6] = 0.5
     states, covariances = process.run(x, np.zeros((12, 12)), quiet)
     assert states[9][6] == pytest.approx(0.5 * np.exp(-1.0))
     assert states[-1][0] == pytest.approx(0.5 * 0.1, rel=1e-6)
-    blind = ModalRates(basis, PODS, np.ones(6)).inverse((True, True)).blind
-    expected = blind.diagonal() * np.repeat(LIVE.activity, [3, 2, 1])
+    unobserved = ModalRates(basis, PODS, np.ones(6)).inverse((True, True)).unobserved
+    expected = unobserved.diagonal() * np.repeat(LIVE.activity, [3, 2, 1])
     assert_allclose(covariances[-1].diagonal()[6:], expected, rtol=1e-9)

@@ -7,8 +7,9 @@ from avionics.wse.geometry import WingGeometry
 from avionics.wse.gyro_step import GyroStep, Regime, stacked
 from avionics.wse.kinematics import body_rates, euler_rate_matrix, modal_inverse
 from avionics.wse.modes import ModeBasis
-from avionics.wse.process import Process, ProcessNoise
+from avionics.wse.process import Process
 from avionics.wse.rates import ModalRates
+from avionics.wse.state import RandomWalk, StateLayout
 
 PODS = np.array([0.5, 1.0, 1.4])
 DQ = np.array([1.1, -0.4, 0.3, 0.5, 0.2, -0.3])
@@ -106,14 +107,14 @@ def test_pods_at_one_station_do_not_crash() -> None:
     assert np.isfinite(found).all()
 
 
-def test_blind_covariance_is_zero_for_what_the_pods_determine() -> None:
-    """With no modes left out blind would vanish; the omitted ones keep it finite and small."""
+def test_unobserved_covariance_is_zero_for_what_the_pods_determine() -> None:
+    """With no modes left out it would vanish; the omitted ones keep it finite and small."""
     basis = ModeBasis("quarter-sine", 1.5, 1, 0, 0)
-    one = ModalRates(basis, np.array([1.0]), np.ones(1)).inverse((True,)).blind[0, 0]
+    one = ModalRates(basis, np.array([1.0]), np.ones(1)).inverse((True,)).unobserved[0, 0]
     many = ModalRates(basis, np.linspace(0.2, 1.5, 14), np.ones(1)).inverse((True,) * 14)
-    none = ModalRates(basis, np.array([1.0]), np.ones(1)).inverse((False,)).blind[0, 0]
+    none = ModalRates(basis, np.array([1.0]), np.ones(1)).inverse((False,)).unobserved[0, 0]
     assert none == pytest.approx(1.0)
-    assert many.blind[0, 0] < one < 0.5
+    assert many.unobserved[0, 0] < one < 0.5
 
 
 def test_activity_is_the_mean_square_rate_of_the_first_mode() -> None:
@@ -130,8 +131,10 @@ def test_one_mode_of_each_by_numbers_moves_as_by_arrays(has_bias) -> None:
     rng = np.random.default_rng(6)
     basis = ModeBasis("quarter-sine", 1.5, 1, 1, 0)
     rates = ModalRates(basis, np.array([0.6, 1.2]), np.ones(2))
-    process = Process(rates, ProcessNoise(1e-4, 0.0, 0.0), has_bias=has_bias)
-    x, omega = rng.normal(size=process.size), rng.normal(size=(2, 3))
+    bias = RandomWalk(0.01) if has_bias else None
+    layout = StateLayout(basis, ("0", "1"), prior=np.ones(2), bias=bias)
+    process = Process(rates, layout, 1e-4)
+    x, omega = rng.normal(size=layout.size), rng.normal(size=(2, 3))
     for live in ((True, True), (False, True), (False, False)):
         step = GyroStep(0.01, omega, Regime(live, np.ones(3)))
         # A stack takes the way of the arrays.

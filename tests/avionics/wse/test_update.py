@@ -7,10 +7,11 @@ import pytest
 
 from avionics.config.load import default_config_text, parse_config_text
 from avionics.flight.filter_setup import marker_model
-from avionics.wse.adaptive_noise import Sighting, Trust, UpdateRules
+from avionics.wse.adaptive_noise import AdaptiveNoise, UpdateRules
+from avionics.wse.gyro_step import Motion
 from avionics.wse.markers import MarkerModel
-from avionics.wse.motion import Motion
-from avionics.wse.update import MarkerUpdate
+from avionics.wse.state import Estimate, StateLayout
+from avionics.wse.update import MarkerMeasurement, MarkerUpdate
 
 ROW_S = 3e-5  # 480 rows in 14 ms, as small rolling shutters have it
 
@@ -34,16 +35,18 @@ def rolling(model: MarkerModel, q: np.ndarray, rate: np.ndarray, row_s: float) -
 def estimate(model, q, rate, pixel, *, row_s: float) -> np.ndarray:
     """Return the amplitudes after one frame of precise markers, begun at the right ones."""
     count = len(pixel)
-    update = MarkerUpdate(
-        model, len(q), UpdateRules(gate=1e6, adapt=False), np.ones(len(q)), row_time=row_s
+    layout = StateLayout(model.basis, (), prior=np.ones(len(q)))
+    rules = UpdateRules(gate=1e6, adapt=False)
+    update = MarkerUpdate(model, layout, rules, np.ones(len(q)), row_time=row_s)
+    measurement = MarkerMeasurement(0, pixel, np.full(count, 1e-3), np.ones(count, dtype=bool))
+    result = update.apply(
+        Estimate(q, 0.01 * np.eye(len(q))),
+        replace(AdaptiveNoise(0.0), is_started=True),
+        measurement,
+        Motion(rate, np.zeros(len(q))),
     )
-    sighting = Sighting(0, pixel, np.full(count, 1e-3), np.ones(count, dtype=bool))
-    trust = replace(Trust(0.0), is_started=True)
-    x, _, _, verdict = update.apply(
-        q, 0.01 * np.eye(len(q)), trust, sighting, Motion(rate, np.zeros(len(q)))
-    )
-    assert verdict.used.all()
-    return x
+    assert result.used.all()
+    return result.estimate.x
 
 
 def test_row_time_is_taken_out_of_the_amplitudes_to_second_order(model, q) -> None:
@@ -51,8 +54,8 @@ def test_row_time_is_taken_out_of_the_amplitudes_to_second_order(model, q) -> No
     # amplitudes at its middle row; without the row time they are bent by what moved meanwhile
     q, rate = 0.3 * q, np.array([2.0, -1.0, 0.5, 1.5, -0.5, 0.4])
 
-    def error(row_s: float, believed_s: float) -> float:
-        x = estimate(model, q, rate, rolling(model, q, rate, row_s), row_s=believed_s)
+    def error(row_s: float, assumed_s: float) -> float:
+        x = estimate(model, q, rate, rolling(model, q, rate, row_s), row_s=assumed_s)
         return float(np.abs(x - q).max())
 
     once, half = error(ROW_S, ROW_S), error(ROW_S / 2, ROW_S / 2)
