@@ -119,7 +119,8 @@ def main() -> None:
         summary = import_set(SOURCE, log, calibrate=True, force=True)
         pose = summary.calibration.pose
         print(
-            f"calibration: {pose.rms_px:.2f} px per axis, {summary.calibration.sightings} sightings"
+            f"calibration: {pose.rms_px:.2f} px per axis, "
+            f"{summary.calibration.measurements} measurements"
         )
         flown = folder / "general.mcap"
         start_s = cpu_s()

@@ -1,4 +1,4 @@
-"""What honest sigmas allow: the bounds of a normalised square (NIS, NEES) over its freedom."""
+"""95 % bounds of normalised squares (NIS, NEES) per degree of freedom, for a consistent filter."""
 
 from typing import Any
 

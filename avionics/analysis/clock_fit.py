@@ -86,7 +86,7 @@ def fit_clocks(
     lag_s : mapping of str to float
         Delay of each pod's gyro filter, s.
     expected_ns : float, optional
-        What their UTC offsets say, ns; decides where the motion repeats itself.
+        Difference of their UTC offsets, ns; decides between alignments where the motion repeats.
 
     Raises
     ------

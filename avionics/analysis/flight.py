@@ -45,7 +45,7 @@ class Flight:
     path : Path
         The log.
     metadata : dict of str to str
-        What the log says of itself: versions, command, seed, ...
+        The metadata of the log: versions, command, seed, ...
     attachments : dict of str to bytes
         Attached files by name.
     utc_offset_ns : int
@@ -289,7 +289,7 @@ def read_flight(path: str | PathLike[str], topics: Collection[str] | None = None
     Parameters
     ----------
     path : path
-        The log; may be cut or damaged, then ``Flight.damage`` says what is missing.
+        The log; may be cut or damaged, then ``Flight.damage`` lists what is missing.
     topics : collection of str, optional
         Topics or patterns such as ``/imu/*`` that become arrays; None = all. The others are
         counted in ``Flight.topics``.

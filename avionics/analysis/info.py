@@ -1,4 +1,4 @@
-"""What a log holds, in plain lines: what flew, how long, what came and what was lost."""
+"""Summary of a log in plain lines: what flew, for how long, what was recorded and lost."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,7 +56,7 @@ class LogInfo:
     metadata : dict of str to str
         Versions, clock offset and what the command added.
     config : Config, WingsConfig or None
-        What flew; None if it cannot be read, then ``config_error`` says why.
+        What flew; None if it cannot be read, then ``config_error`` gives the reason.
     config_error : str
         Empty, or why there is no configuration.
     attachments : dict of str to int
@@ -178,9 +178,9 @@ MAX_EVENTS = 20
 def _trouble_lines(info: LogInfo) -> list[str]:
     lines = []
     for source, counters in info.counters.items():
-        told = ", ".join(f"{name} {count}" for name, count in counters.items() if count)
-        if told:
-            lines.append(f"    {source}: {told}")
+        counted = ", ".join(f"{name} {count}" for name, count in counters.items() if count)
+        if counted:
+            lines.append(f"    {source}: {counted}")
     if lines:
         lines = ["  counters at the end:", *lines]
     if info.events:

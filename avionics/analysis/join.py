@@ -41,7 +41,7 @@ class JoinReport:
     correlation : float or None
         Of measured and true rates.
     check_s : float or None
-        What the rates say where the clock is shared: the offset they would have given, s.
+        Where the clock is shared, the offset that the rates would have given, s.
     truths : int
         Shapes joined.
     is_truth_closed : bool
@@ -102,7 +102,7 @@ def join(
         The log to write.
     alignment : str
         "shared": both ran on one machine since one start of it; "rates": fit measured to true
-        gyro rates; "auto": shared where the logs say so.
+        gyro rates; "auto": shared if both logs carry the same boot id.
     force : bool
         Replace an existing output.
 
@@ -213,9 +213,9 @@ def _rates(flight: Flight) -> dict[str, Rates]:
 
 
 def _metadata(truth: Path, served: Flight, report: JoinReport) -> dict[str, str]:
-    told = {f"join_{k}": str(v) for k, v in report.to_json_dict().items() if k != "truths"}
+    of_join = {f"join_{k}": str(v) for k, v in report.to_json_dict().items() if k != "truths"}
     of_truth = {f"truth_{k}": served.metadata.get(k, "") for k in ("scenario", "seed", "boot_id")}
-    return {"joined_truth": truth.name, **told, **of_truth}
+    return {"joined_truth": truth.name, **of_join, **of_truth}
 
 
 def _merge(flown: Flight, served: Flight, fit: ClockFit, writer: LogWriter) -> int:

@@ -23,7 +23,7 @@ POSE = ("x_m", "y_m", "z_m", "roll_deg", "tilt_deg", "pan_deg")
 MARKER_SIGMA_M = 5e-4
 PIXEL_SIGMA = 0.3
 TIME_SIGMA_S = 0.05
-LEAST_SIGHTINGS = 12
+LEAST_MEASUREMENTS = 12
 # Without a chessboard the lens is known from the data sheet only.
 NOMINAL_LENS_SIGMA = {
     "f_x_px": 25.0, "f_y_px": 25.0, "c_x_px": 6.0, "c_y_px": 6.0,
@@ -35,7 +35,7 @@ POSE_SIGMA = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sightings:
+class MarkerMeasurements:
     """Markers of known position seen in pictures.
 
     Attributes
@@ -68,7 +68,7 @@ class Extrinsics:
     rms_px : float
         Residual per axis.
     residual_px : ndarray, shape (n, 2)
-        Measured minus predicted of every sighting.
+        Measured minus predicted of every measurement.
     marker_offset_mm : ndarray, shape (markers, 3)
         Estimated errors of the motion-capture markers, body axes.
     """
@@ -91,16 +91,16 @@ def camera_of(values: Mapping[str, float], width: int, height: int) -> Pinhole:
 
 
 def calibrate_pose(
-    sightings: Sightings,
+    measurements: MarkerMeasurements,
     nominal: Mapping[str, float],
     lens_sigma: Mapping[str, float],
     size_px: tuple[int, int],
 ) -> Extrinsics:
-    """Return the camera that explains sightings of markers.
+    """Return the camera that explains the measured markers.
 
     Parameters
     ----------
-    sightings : Sightings
+    measurements : MarkerMeasurements
         From many instants over the wing's range; a wrong one costs little.
     nominal : mapping of str to float
         Start values of lens, pose and ``time_offset_s``.
@@ -112,18 +112,19 @@ def calibrate_pose(
     Raises
     ------
     DataSetError
-        If there are too few sightings.
+        If there are too few measurements.
     """
-    if len(sightings) < LEAST_SIGHTINGS:
+    if len(measurements) < LEAST_MEASUREMENTS:
         msg = (
-            f"calibration: {len(sightings)} sightings of markers, at least {LEAST_SIGHTINGS} "
+            f"calibration: {len(measurements)} measurements of markers, "
+            f"at least {LEAST_MEASUREMENTS} "
             "needed; are the lights on and does motion capture cover the video?"
         )
         raise DataSetError(msg)
     names = (*LENS, *POSE, "time_offset_s")
     prior = np.array([*(lens_sigma[n] for n in LENS), *POSE_SIGMA.values(), TIME_SIGMA_S])
     start = np.array([nominal[n] for n in names])
-    ids, index = np.unique(sightings.marker, return_inverse=True)
+    ids, index = np.unique(measurements.marker, return_inverse=True)
     size = len(names)
 
     def unpack(x: FloatArray) -> tuple[dict[str, float], FloatArray]:
@@ -132,10 +133,10 @@ def calibrate_pose(
 
     def misfit(x: FloatArray) -> FloatArray:
         values, offsets = unpack(x)
-        points = sightings.r_in_body_m - offsets[index]
-        points = points + sightings.speed_m_s * values["time_offset_s"]
+        points = measurements.r_in_body_m - offsets[index]
+        points = points + measurements.speed_m_s * values["time_offset_s"]
         predicted = camera_of(values, *size_px).project(points)
-        return np.asarray(sightings.pixel - predicted, dtype=np.float64)
+        return np.asarray(measurements.pixel - predicted, dtype=np.float64)
 
     def residuals(x: FloatArray) -> FloatArray:
         pixels = misfit(x).ravel() / PIXEL_SIGMA

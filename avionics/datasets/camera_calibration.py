@@ -13,7 +13,7 @@ from avionics.calibration.extrinsics import (
     NOMINAL_LENS_SIGMA,
     POSE,
     Extrinsics,
-    Sightings,
+    MarkerMeasurements,
     calibrate_pose,
     camera_of,
 )
@@ -50,8 +50,8 @@ class SetCalibration:
     pose : Extrinsics or None
     instants : int
         Pictures used for the pose.
-    sightings : int
-        Markers seen in them.
+    measurements : int
+        Markers measured in them.
     notes : list of str
         What could not be calibrated and why.
     """
@@ -60,7 +60,7 @@ class SetCalibration:
     lens: Intrinsics | None = None
     pose: Extrinsics | None = None
     instants: int = 0
-    sightings: int = 0
+    measurements: int = 0
     notes: list[str] = field(default_factory=list)
 
     def to_json_dict(self) -> dict[str, Any]:
@@ -76,7 +76,7 @@ class SetCalibration:
             found["pose"] = {
                 "values": self.pose.values, "sigma": self.pose.sigma,
                 "rms_px": self.pose.rms_px, "instants": self.instants,
-                "sightings": self.sightings,
+                "measurements": self.measurements,
                 "marker_offset_mm": self.pose.marker_offset_mm.tolist(),
             }  # fmt: skip
         return found
@@ -164,7 +164,7 @@ def _pose(data: DataSet, config: Config, result: SetCalibration) -> None:
             # Positions are taken where the last pass put the camera's clock: markers do not move
             # on straight lines for longer than a few milliseconds.
             instants = _instants(data, rows, columns, offset_s)
-            sightings = _associate(
+            measurements = _associate(
                 instants,
                 spots,
                 leds,
@@ -172,7 +172,7 @@ def _pose(data: DataSet, config: Config, result: SetCalibration) -> None:
                 shift_px=shift_px,
                 reach_px=reach_px,
             )
-            pose = calibrate_pose(sightings, nominal, sigma, size)
+            pose = calibrate_pose(measurements, nominal, sigma, size)
             values = pose.values
             offset_s += values["time_offset_s"]
     except DataSetError as error:
@@ -181,7 +181,7 @@ def _pose(data: DataSet, config: Config, result: SetCalibration) -> None:
     if pose.rms_px > PLAUSIBLE:
         result.notes.append(f"residual {pose.rms_px:.1f} px: the camera's pose stays nominal")
         return
-    result.pose, result.sightings = pose, len(sightings)
+    result.pose, result.measurements = pose, len(measurements)
     result.instants = len(rows)
     pose.values["time_offset_s"] = offset_s
     is_sure = abs(offset_s) > max(LEAST_OFFSET_S, SURE_SIGMAS * pose.sigma["time_offset_s"])
@@ -277,21 +277,23 @@ def _associate(
     *,
     shift_px: float,
     reach_px: float,
-) -> Sightings:
+) -> MarkerMeasurements:
     marker: list[int] = []
     rows: list[FloatArray] = []
     for instant in instants:
-        seen = spots.get(instant.row)
-        if seen is None or not len(seen):
+        found = spots.get(instant.row)
+        if found is None or not len(found):
             continue
         expected = np.asarray(camera.project(instant.r_in_body_m), dtype=np.float64)
-        shift = common_shift(expected, seen, np.full(len(expected), shift_px))
+        shift = common_shift(expected, found, np.full(len(expected), shift_px))
         spread = np.broadcast_to((reach_px / 3) ** 2 * np.eye(2), (len(expected), 2, 2))
-        chosen = assign(expected + shift, seen, spread, gate=3.0)
+        chosen = assign(expected + shift, found, spread, gate=3.0)
         for k in np.flatnonzero(chosen != NONE):
             marker.append(leds[k])
             rows.append(
-                np.concatenate([instant.r_in_body_m[k], instant.speed_m_s[k], seen[chosen[k]]])
+                np.concatenate([instant.r_in_body_m[k], instant.speed_m_s[k], found[chosen[k]]])
             )
     table = np.array(rows, dtype=np.float64).reshape(-1, 8)
-    return Sightings(np.array(marker, dtype=np.int64), table[:, :3], table[:, 3:6], table[:, 6:])
+    return MarkerMeasurements(
+        np.array(marker, dtype=np.int64), table[:, :3], table[:, 3:6], table[:, 6:]
+    )

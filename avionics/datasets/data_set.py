@@ -82,7 +82,7 @@ class DataSet:
     ----------
     directory : Path
     wing : WingDescription
-        What wing.yaml says.
+        The content of wing.yaml.
     imu : ImuTable
     frames : FrameTable or None
     video : Path or None

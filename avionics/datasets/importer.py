@@ -70,7 +70,7 @@ def _calibration_rows(found: SetCalibration) -> list[tuple[str, str]]:
         rows.append(
             (
                 "pose",
-                f"{found.sightings} sightings in {found.instants} pictures, "
+                f"{found.measurements} measurements in {found.instants} pictures, "
                 f"residual {pose.rms_px:.2f} px per axis",
             )
         )
@@ -158,7 +158,7 @@ def config_of(data: DataSet) -> Config:
     chip = Bno055Settings.model_validate(
         {"mode": "ndof", "gyro_bandwidth_hz": bandwidth, "rate_hz": imu.rate_hz}
     )
-    # A set says nothing of a register's age. Fusion modes hold the bandwidth themselves.
+    # A set does not give a register's age. Fusion modes hold the bandwidth themselves.
     lag_s = low_pass_delay_s(imu.gyro_bandwidth_hz)
     is_known = abs(chip.delay.filter_s / lag_s - 1.0) * imu.gyro_bandwidth_hz < 0.5
     try:

@@ -1,4 +1,4 @@
-"""The report of a flight: one HTML page for the engineer who has to judge it."""
+"""Writes the report of a flight: one self-contained HTML page."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The figures of merit of a report: what ``evaluate`` says, and the errors over time behind it."""
+"""The figures of merit of a report: those of ``evaluate``, and the errors over time behind them."""
 
 from dataclasses import dataclass, field
 
@@ -17,7 +17,7 @@ HEAD = ("estimate", "median, px", "mean, px", "95 %, px", "max, px", "slope, px/
 NOTE = (
     f"After the first {SETTLE_S:.0f} s. Pixels: mean error of the visible markers (Eq. 17). Tip:"
     " distance from the true end of the reference line. NEES and NIS are near 1 where the filter"
-    " judges its own uncertainty rightly."
+    " is consistent: its sigmas are those of its errors."
 )
 
 

@@ -41,14 +41,14 @@ def build_page(flight: Flight, progress: Callable[[float], None]) -> str:
 def _subtitle(subjects: Sequence[Subject]) -> str:
     info, wings = subjects[0].info, [subject.config.wing for subject in subjects]
     command = info.metadata.get("command", "")
-    said = [
+    parts = [
         *(f"wing '{wing.name}', span {wing.span_m:g} m" for wing in wings),
         f"{info.duration_s:.1f} s",
         f"recorded by 'avionics {command}'" if command else "",
         f"replayed from {source}" if (source := info.metadata.get("replayed_from")) else "",
         f"software {info.metadata.get('software_version', 'unknown')}",
     ]
-    return " · ".join(part for part in said if part)
+    return " · ".join(part for part in parts if part)
 
 
 def _summary(page: Page, subject: Subject) -> None:
@@ -188,7 +188,7 @@ def _camera(page: Page, subject: Subject) -> None:
             plots.innovation_figure(subject, filtered),
             "Innovations",
             "Above: normalised innovation squared of each frame over its degrees of freedom"
-            " (two per marker used). 95 % of an honest filter's points lie in the green band,"
+            " (two per marker used). 95 % of a consistent filter's points lie in the green band,"
             " their mean at 1. Below: markers used and found.",
         )
     page.figure(

@@ -41,6 +41,6 @@ class Damage:
             "messages missing from the middle": self.missing_messages,
             "damaged attachments": self.damaged_attachments,
         }
-        said = ["cut, or never closed"] if self.truncated else []
-        said += [f"{what}: {count}" for what, count in counts.items() if count]
-        return "damage: " + "; ".join(said)
+        found = ["cut, or never closed"] if self.truncated else []
+        found += [f"{what}: {count}" for what, count in counts.items() if count]
+        return "damage: " + "; ".join(found)

@@ -1,7 +1,7 @@
 """Walk through the bytes of an MCAP file that may be cut or damaged.
 
 The stock readers give up at the first flaw. This one takes every chunk whose checksum holds, steps
-over the others, finds the next chunk behind a broken length, and says what it left out.
+over the others, finds the next chunk behind a broken length, and reports what it left out.
 """
 
 import struct

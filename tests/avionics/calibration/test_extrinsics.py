@@ -7,7 +7,7 @@ from avionics.calibration.extrinsics import (
     LENS,
     NOMINAL_LENS_SIGMA,
     POSE,
-    Sightings,
+    MarkerMeasurements,
     calibrate_pose,
     camera_of,
 )
@@ -35,7 +35,7 @@ NOISE_PX = 0.2
 OFFSET_M = 4e-4
 
 
-def sightings(seed: int, instants: int = 25) -> tuple[Sightings, np.ndarray]:
+def measurements(seed: int, instants: int = 25) -> tuple[MarkerMeasurements, np.ndarray]:
     """Return six markers on a flapping wing, seen by the true camera, and their errors, m."""
     rng = np.random.default_rng(seed)
     s = np.array([0.6, 0.6, 1.0, 1.0, 1.4, 1.4])
@@ -50,13 +50,13 @@ def sightings(seed: int, instants: int = 25) -> tuple[Sightings, np.ndarray]:
     pixel = camera_of(TRUTH, *SIZE).project(true.reshape(-1, 3))
     pixel = pixel + NOISE_PX * rng.standard_normal(pixel.shape)
     marker = np.tile(np.arange(6), instants)
-    made = Sightings(marker, at.reshape(-1, 3), speed.reshape(-1, 3), pixel)
+    made = MarkerMeasurements(marker, at.reshape(-1, 3), speed.reshape(-1, 3), pixel)
     return made, offsets
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_pose_and_clock_are_found_within_their_own_sigmas(seed: int) -> None:
-    seen, _ = sightings(seed)
+    seen, _ = measurements(seed)
     found = calibrate_pose(seen, START, LENS_SIGMA, SIZE)
     for name in (*LENS, *POSE, "time_offset_s"):
         error = found.values[name] - TRUTH[name]
@@ -67,7 +67,7 @@ def test_pose_and_clock_are_found_within_their_own_sigmas(seed: int) -> None:
 
 
 def test_lens_of_the_data_sheet_alone_leaves_wider_sigmas() -> None:
-    seen, _ = sightings(4, instants=8)
+    seen, _ = measurements(4, instants=8)
     known = calibrate_pose(seen, START, LENS_SIGMA, SIZE)
     nominal = calibrate_pose(seen, NOMINAL, NOMINAL_LENS_SIGMA, SIZE)
     for name in ("f_x_px", "y_m"):
@@ -77,10 +77,10 @@ def test_lens_of_the_data_sheet_alone_leaves_wider_sigmas() -> None:
 
 def test_errors_of_the_markers_themselves_are_told_from_the_camera() -> None:
     """One marker sits 2 mm from where motion capture has it; the others where they should."""
-    seen, offsets = sightings(5)
+    seen, offsets = measurements(5)
     moved = seen.r_in_body_m + np.where(seen.marker[:, None] == 3, [0.0, 0.0, 2e-3], 0.0)
     found = calibrate_pose(
-        Sightings(seen.marker, moved, seen.speed_m_s, seen.pixel), START, LENS_SIGMA, SIZE
+        MarkerMeasurements(seen.marker, moved, seen.speed_m_s, seen.pixel), START, LENS_SIGMA, SIZE
     )
     expected_mm = 1e3 * offsets
     expected_mm[3, 2] += 2.0
@@ -90,13 +90,16 @@ def test_errors_of_the_markers_themselves_are_told_from_the_camera() -> None:
     assert np.argmax(np.abs(found.marker_offset_mm[:, 2])) == 3
 
 
-def test_wrong_sightings_cost_little() -> None:
-    seen, _ = sightings(6)
+def test_wrong_measurements_cost_little() -> None:
+    seen, _ = measurements(6)
     clean = calibrate_pose(seen, START, LENS_SIGMA, SIZE)
     pixel = seen.pixel.copy()
     pixel[::25] += 40.0  # one in 25: a reflection taken for the marker
     dirty = calibrate_pose(
-        Sightings(seen.marker, seen.r_in_body_m, seen.speed_m_s, pixel), START, LENS_SIGMA, SIZE
+        MarkerMeasurements(seen.marker, seen.r_in_body_m, seen.speed_m_s, pixel),
+        START,
+        LENS_SIGMA,
+        SIZE,
     )
     for name in (*POSE, "time_offset_s"):
         change = abs(dirty.values[name] - clean.values[name])
@@ -106,7 +109,7 @@ def test_wrong_sightings_cost_little() -> None:
     assert np.median(worst) < 1.0
 
 
-def test_too_few_sightings_are_refused() -> None:
-    seen, _ = sightings(7, instants=1)
-    with pytest.raises(DataSetError, match="6 sightings of markers, at least 12 needed"):
+def test_too_few_measurements_are_refused() -> None:
+    seen, _ = measurements(7, instants=1)
+    with pytest.raises(DataSetError, match="6 measurements of markers, at least 12 needed"):
         calibrate_pose(seen, START, LENS_SIGMA, SIZE)
