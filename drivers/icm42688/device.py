@@ -22,10 +22,11 @@ from drivers.register_port import RegisterPort
 from drivers.repeats import Repeats
 from drivers.samples import ImuSample
 
-# A second look costs one burst, 0.2 ms over SPI, so a manoeuvre may pass these. A false bit 7 is
-# 0.14 rad/s at 2000 deg/s.
-GYRO_STEP_RAD_S = 0.1
-ACCEL_STEP_M_S2 = 5.0
+# Departures from the motion, rad/s and m/s^2. A second look costs one burst, 0.2 ms over SPI, so a
+# manoeuvre may pass the first: a false bit 7 is 0.14 rad/s at 2000 deg/s. The second is what a
+# wing may do between two bursts.
+LOOK_AGAIN = (0.1, 5.0)
+LARGEST_STEP = (3.5, 60.0)
 
 
 class Icm42688:
@@ -60,14 +61,17 @@ class Icm42688:
         has_accel = self.settings.has_accel
         self._first = reg.ACCEL_DATA if has_accel else reg.GYRO_DATA
         self._length = reg.INT_STATUS + 1 - self._first
-        limits = [round(GYRO_STEP_RAD_S / self.settings.gyro_scale_rad_s)] * 3
-        if has_accel:
-            limits = [round(ACCEL_STEP_M_S2 / self.settings.accel_scale_m_s2)] * 3 + limits
-        self._step_limit: Words = np.array(limits, dtype=np.int32)
+        self._look_again = self._limits(*LOOK_AGAIN)
+        self._largest_step = self._limits(*LARGEST_STEP)
         self._line = BurstLine()
         self._repeats = Repeats(has_accel=has_accel, counters=self._counters)
         self._was_reset = self._is_dead = self._is_vague = False
         self._forget()
+
+    def _limits(self, rate_rad_s: float, force_m_s2: float) -> Words:
+        rate = [round(rate_rad_s / self.settings.gyro_scale_rad_s)] * 3
+        force = [round(force_m_s2 / self.settings.accel_scale_m_s2)] * 3
+        return np.array(force + rate if self.settings.has_accel else rate, dtype=np.int32)
 
     @property
     def name(self) -> str:
@@ -129,7 +133,7 @@ class Icm42688:
         if not self._is_valid(values):
             return None
         expected = self._line.expected(t_ns)
-        if expected is not None and not agree(values, expected, self._step_limit):
+        if expected is not None and not agree(values, expected, self._look_again):
             second = self._second_look(values, expected)
             if second is None:
                 return None
@@ -208,7 +212,7 @@ class Icm42688:
             taken_ns, self._is_vague = self._burst_time.taken_ns(before_ns, self._clock.now_ns())
         self._is_dead = data == b"\xff" * self._length
         self._was_reset = bool(data[-1] & reg.RESET_DONE) and not self._is_dead
-        end = len(self._step_limit) * 2
+        end = len(self._look_again) * 2
         return taken_ns, np.frombuffer(data[:end], dtype=">i2").astype(np.int32)
 
     def _is_valid(self, values: Words) -> bool:
@@ -230,10 +234,10 @@ class Icm42688:
         t_ns, second = self._burst()
         if not self._is_valid(second):
             return None
-        if agree(second, expected, self._step_limit):
-            self._counters["spikes"] += 1
+        if agree(second, expected, self._look_again):
+            self._counters["spikes"] += not agree(values, second, self._look_again)
             return t_ns, second
-        if agree(second, values, self._step_limit):
+        if agree(second, values, self._largest_step):
             return t_ns, second  # the wing did move like this
         self._counters["rejected"] += 1
         return None

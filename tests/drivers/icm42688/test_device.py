@@ -302,3 +302,23 @@ def test_broken_data_line_gives_no_samples_and_is_named(bench, kind, counter) ->
     messages = [e.message for e in one.imus.take_events()]
     assert any(f"chip id {found}, expected 0x47" in m for m in messages)
     assert messages[-1] == "is up"
+
+
+class Shake(Swing):
+    """The swing with a flutter of 30 Hz and 8 rad/s on top."""
+
+    @staticmethod
+    def rate(t_ns):
+        t_s = np.asarray(t_ns) * 1e-9
+        return 2.0 * np.sin(2 * np.pi * t_s) + 8.0 * np.sin(60 * np.pi * t_s)
+
+
+@BUSES
+def test_flutter_costs_no_samples(bench, bus) -> None:
+    one = bench(bus, chip=icm42688(gyro_bandwidth_hz=118))
+    one.chips[0].sensing._motion = Shake()
+    one.imus.open()
+    samples = one.fly(2.0)
+    assert len(samples) == pytest.approx(200, abs=1)
+    assert max(abs(s.rate_rad_s[0]) for s in samples) > 6.0
+    assert one.count("rejected") == one.count("spikes") == 0
