@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from avionics.flight.filter_setup import choose_basis, paper_basis
-from tests.avionics.wse.flight import make_config
+from avionics.flight.filter_setup import choose_basis, paper_basis, settings_from_config
+from tests.avionics.wse.flight import CAMERA, make_config
 
 
 def test_auto_modes_follow_pods_and_marker_stations() -> None:
@@ -27,3 +27,21 @@ def test_paper_form_flies_one_mode_of_each_and_numbers_override() -> None:
 def test_markers_at_one_station_are_counted_once() -> None:
     config = make_config((0.6,), (1.0, 1.005))
     assert choose_basis(config).bending == 1
+
+
+def test_noise_is_adapted_over_the_frame_time_of_the_camera() -> None:
+    assert settings_from_config(make_config()).rules.frame_s == 0.033
+    fast = CAMERA.model_copy(update={"fps": 120.0})
+    assert settings_from_config(make_config(camera=fast)).rules.frame_s == 0.008
+
+
+def test_states_follow_from_the_configuration() -> None:
+    layout = settings_from_config(make_config((0.6, 1.2))).layout
+    assert layout.labels[layout.bias][0] == "bias 0 x"
+    assert layout.has_unobserved
+    assert layout.has_offset
+    # One pod leaves unobserved what looks like a time offset.
+    assert not settings_from_config(make_config((0.6,))).layout.has_offset
+    paper = settings_from_config(make_config(form="paper"))
+    assert paper.layout.labels == ("phi 1", "theta 1")
+    assert len(paper.paper_layout.labels) == 2 + 6
