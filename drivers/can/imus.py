@@ -102,12 +102,15 @@ class CanImus:
         self._is_open = True
 
     def open(self, timeout_s: float = 2.0) -> None:
-        """Wait until every pod has sent a sample.
+        """Wait until every pod has sent a sample and confirmed its settings.
+
+        A pod that samples but answers no request flies as it is set, which is an event.
 
         Raises
         ------
         DeviceNotFoundError
-            If one did not within ``timeout_s``; the message names it and what to check.
+            If one sent none within ``timeout_s``, or refuses a setting; the message names it and
+            what to check.
         """
         give_up_ns = self._clock.now_ns() + round(timeout_s * 1e9)
         waiting: deque[ImuSample] = deque()
@@ -115,11 +118,15 @@ class CanImus:
             sample = self.read(0.0)
             if sample is not None:
                 waiting.append(sample)
-            elif all(s.counters["samples"] for s in self._stations.values()):
-                self._ready.extendleft(reversed(waiting))
-                return
-            else:
-                self._clock.sleep_until_ns(self._clock.now_ns() + 1_000_000)
+                continue
+            if all(s.counters["samples"] for s in self._stations.values()):
+                self._check_refusals()
+                if all(c.is_done for c in self._configurators.values()):
+                    break
+            self._clock.sleep_until_ns(self._clock.now_ns() + 1_000_000)
+        if all(s.counters["samples"] for s in self._stations.values()):
+            self._ready.extendleft(reversed(waiting))
+            return
         silent = {n: s for n, s in self._stations.items() if not s.counters["samples"]}
         reasons = "; ".join(f"{s.name}: {self._complaint(n, s)}" for n, s in silent.items())
         msg = (
@@ -127,6 +134,15 @@ class CanImus:
             "number, the bit rate and the termination"
         )
         raise DeviceNotFoundError(msg)
+
+    def _check_refusals(self) -> None:
+        for node, configurator in self._configurators.items():
+            if configurator.refused:
+                msg = (
+                    f"{self._stations[node].name}: {configurator.refused[0]}; what the pod does "
+                    "not take must not be configured: correct its chip table or update its firmware"
+                )
+                raise DeviceNotFoundError(msg)
 
     def read(self, timeout_s: float) -> ImuSample | None:
         """Return the next sample, None if none came within ``timeout_s``."""

@@ -23,6 +23,11 @@ class PodConfigurator:
         Settings, sent in this order.
     events : EventList
         Takes the refusals as events.
+
+    Attributes
+    ----------
+    refused : list of str
+        What the pod did not take since it was asked for everything, and what it answered.
     """
 
     def __init__(
@@ -38,9 +43,15 @@ class PodConfigurator:
 
     def restart(self) -> None:
         """Ask for everything again."""
+        self.refused: list[str] = []
         self._left = list(self._wanted.items())
         self._due_ns = 0
         self._attempts = 0
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the pod has answered every request, or none within all attempts."""
+        return not self._left
 
     def due(self, now_ns: int) -> ConfigRequest | None:
         """Return the request to send now, if any."""
@@ -73,7 +84,8 @@ class PodConfigurator:
             self.counters["config_refused"] += 1
             known = {r.value: r.name for r in ConfigResult}
             result = known.get(reply.result, str(reply.result))
-            self._say(now_ns, f"{key.name} = {value}: {result}, reads back {reply.value}")
+            self.refused.append(f"{key.name} = {value}: {result}, reads back {reply.value}")
+            self._say(now_ns, self.refused[-1])
 
     def _say(self, t_ns: int, message: str) -> None:
         self._events.add(t_ns, self._name, "warning", message)

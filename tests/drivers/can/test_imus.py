@@ -11,6 +11,7 @@ from drivers.bno055.registers import GYR_DATA
 from drivers.can.imus import CanImus
 from drivers.can.pod.codec import encode
 from drivers.can.pod.messages import Axes, Identity, Kind, Sample, Sync
+from drivers.errors import DeviceNotFoundError
 from sim_bus.buses.can_pod import SimCanBus
 from sim_bus.clock import SimClock
 from tests.drivers.wing_bench import SECOND
@@ -40,6 +41,21 @@ def test_sample_times_are_within_100_us(bench, clock_ppm, local_start_us) -> Non
     ]
     assert np.abs(errors_ns).max() < 100_000
     assert one.imus.health()["pod 0"]["drift_ppb"] == pytest.approx(clock_ppm * 1e3, abs=2e3)
+
+
+def test_pod_that_refuses_a_setting_is_not_flown(bench) -> None:
+    one = bench("can", chip=Bno055Settings(rate_hz=250.0))
+    with pytest.raises(DeviceNotFoundError, match=r"pod 0: RATE_HZ = 250: OUT_OF_RANGE, reads"):
+        one.imus.open()
+
+
+def test_an_open_pod_has_confirmed_its_settings(bench) -> None:
+    one = bench("can", pods=2, chip=Bno055Settings(mode="gyronly", gyro_bandwidth_hz=230))
+    one.imus.open()
+    assert all(configurator.is_done for configurator in one.imus._configurators.values())
+    for chip in one.chips:
+        assert chip.mode == 3
+        assert chip._pages[1][0x0A] >> 3 == 1  # 230 Hz
 
 
 def test_two_pods_sample_at_once_when_the_sync_triggers_them(bench) -> None:
