@@ -209,7 +209,7 @@ class Flight:
         if len(items) == 1:
             return next(iter(items.values()))
         if not items:
-            msg = f"{self.path}: holds nothing of {what}"
+            msg = f"{self.path}: holds no records of {what}"
         else:
             msg = f"{self.path}: holds {what} {', '.join(items)}; choose one: .{what}[NAME]"
         raise RecordingError(msg)

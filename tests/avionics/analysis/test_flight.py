@@ -173,7 +173,7 @@ def test_what_a_log_lacks_is_said(tmp_path: Path) -> None:
     flight = read_flight(write(tmp_path / "a.mcap", [(5, estimate(5, "crg"))]))
     with pytest.raises(RecordingError, match=r"a\.mcap: holds no truth"):
         _ = flight.truth
-    with pytest.raises(RecordingError, match=r"a\.mcap: holds nothing of cameras"):
+    with pytest.raises(RecordingError, match=r"a\.mcap: holds no records of cameras"):
         _ = flight.tracks
     assert flight.health.last == {}
     assert flight.events == ()
