@@ -18,7 +18,7 @@ import numpy as np
 
 from avionics.pos.flexure import markov_flexure
 from avionics.pos.methods import Method, estimate
-from avionics.pos.online import GsBank, GyroBelief
+from avionics.pos.online import GsBank, GyroNoise
 from avionics.pos.simulate import simulate
 from avionics.pos.study.runs import run_study
 from avionics.pos.study.spec import load_spec
@@ -71,7 +71,7 @@ def plain() -> dict[str, float]:
 def bank(pods: int = 2, steps: int = 2000) -> float:
     """Microseconds per step of the filter that flies."""
     law = markov_flexure(np.ones(3), np.deg2rad(np.array([12.0, 6.0, 3.0])))
-    filters = GsBank(pods, 0.01, law, GyroBelief(2e-3, 2e-3, 0.02, 0.02), 0.1)
+    filters = GsBank(pods, 0.01, law, GyroNoise(2e-3, 2e-3, 0.02, 0.02), 0.1)
     rates, heard = 0.1 * np.ones((pods, 3)), np.ones(pods, dtype=bool)
     start = time.process_time()
     for _ in range(steps):

@@ -29,7 +29,7 @@ def start(
     ] = 2.0,
     control: Control = None,
 ) -> None:
-    """Let the scenario of a held bench begin.
+    """Start the scenario of a bench that was served with --hold.
 
     Example: avionics rig start
     """
@@ -56,7 +56,7 @@ def stop(
         typer.Option(min=0, metavar="S", help="Longest wait for the truth to be on disk."),
     ] = 10.0,
 ) -> None:
-    """End a running bench and wait until its truth is on disk.
+    """Stop a running bench and wait until its truth is on disk.
 
     Example: avionics rig stop
     """
@@ -89,7 +89,7 @@ def join(
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
-    """Put the served truth beside a flight's log, clocks aligned; `evaluate` then works on it.
+    """Merge the served truth into a flight's log, clocks aligned, for `avionics evaluate`.
 
     Example: avionics rig join flight.mcap truth.mcap -o joined.mcap
     """

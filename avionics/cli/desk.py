@@ -165,7 +165,7 @@ def report(log: LogArgument, output: OutputFile, *, force: Force = False) -> Non
 
 
 def info(log: LogArgument) -> None:
-    """Say what a log holds: topics, counts, rates, losses, configuration.
+    """Summarise a log: topics, counts, rates, losses, configuration.
 
     Example: avionics info flight.mcap
     """
@@ -181,7 +181,7 @@ def recover(
     *,
     force: Force = False,
 ) -> None:
-    """Make a log that was cut off readable for every MCAP reader; nothing whole is lost.
+    """Repair a log that was cut off: every whole record is kept, every MCAP reader reads it.
 
     Example: avionics recover broken.mcap -o fixed.mcap
     """

@@ -86,7 +86,7 @@ def fault_off(kind: Kind, target: Target, control: Control = None) -> None:
 
 @app.command("list")
 def fault_list(control: Control = None) -> None:
-    """Say which faults truly take effect on what the bench serves.
+    """List the faults that take effect on what the bench serves.
 
     Example: avionics rig fault list
     """

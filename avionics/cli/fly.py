@@ -155,7 +155,7 @@ def _print_flight(path: Path, following: str) -> None:
 
 
 def doctor(config_path: ConfigArgument) -> None:
-    """Say what of a configuration is there, what is missing, and how to mend it.
+    """Check which devices of a configuration answer, and how to mend what is missing.
 
     Example: avionics doctor wing.toml
     """

@@ -88,7 +88,7 @@ def drive(
     ] = "1:10",
     force: Force = False,
 ) -> None:
-    """Run all methods on a real drive as carrier, flexure and misalignment added.
+    """Run all methods on a recorded drive, with simulated flexure and misalignment.
 
     Example: avionics pos drive DRIVE.csv -o drive
     """
@@ -128,7 +128,7 @@ def design(
     output: OutputFolder,
     force: Force = False,
 ) -> None:
-    """Say which node needs an IMU and which can do with gyros: covariance analysis, a picture.
+    """Find which nodes need an IMU and which can do with gyros, by covariance analysis.
 
     Example: avionics pos design wing-nodes -o nodes
     """

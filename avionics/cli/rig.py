@@ -99,7 +99,7 @@ def fetch() -> None:
 
 @app.command()
 def doctor() -> None:
-    """Say which tiers of tests this machine can run, and what installs each missing piece.
+    """Check which tests this machine can run, and what installs each missing piece.
 
     Example: avionics rig doctor
     """

@@ -24,7 +24,7 @@ BIAS_M, BIAS_S, STEP = AT.gyro_bias_m, AT.gyro_bias_s, AT.d_theta
 
 
 @dataclass(frozen=True, slots=True)
-class GyroBelief:
+class GyroNoise:
     """What the filter assumes of the gyros: rad/s, one-sigma.
 
     Attributes
@@ -55,14 +55,14 @@ class GsBank:
         Step, s.
     flexure : Flexure
         Three axes, the same law for every pod.
-    gyros : GyroBelief
+    gyros : GyroNoise
         Noises.
     rho_sigma : float
         Initial one-sigma of the misalignment, rad.
     """
 
     def __init__(
-        self, pods: int, dt: float, flexure: Flexure, gyros: GyroBelief, rho_sigma: float
+        self, pods: int, dt: float, flexure: Flexure, gyros: GyroNoise, rho_sigma: float
     ) -> None:
         D, Q = transition(*discretise(flexure, dt), AT, SIZE)
         self._dt = dt
@@ -79,7 +79,7 @@ class GsBank:
         self.x = np.zeros((pods, SIZE))
         self.P = np.tile(np.diag(variance), (pods, 1, 1))
 
-    def step(self, rate_m: Array, rate_s: Array, heard: NDArray[np.bool_]) -> None:
+    def step(self, rate_m: Array, rate_s: Array, delivered: NDArray[np.bool_]) -> None:
         """Advance by one step.
 
         Parameters
@@ -88,20 +88,20 @@ class GsBank:
             The master's mean rate over the step, rad/s.
         rate_s : ndarray, shape (M, 3)
             The slaves'.
-        heard : ndarray of bool, shape (M,)
+        delivered : ndarray of bool, shape (M,)
             Which slaves delivered; the others are only propagated.
         """
         self.coast()
-        if heard.any():
-            self._update(rate_m, rate_s[heard], heard)
+        if delivered.any():
+            self._update(rate_m, rate_s[delivered], delivered)
 
     def coast(self) -> None:
         """Advance by one step of which the master's motion is not known: nothing is measured."""
         self.x = self.x @ self._Phi.T
         self.P = self._Phi @ self.P @ self._Phi.T + self._Q
 
-    def _update(self, rate_m: Array, rate_s: Array, heard: NDArray[np.bool_]) -> None:
-        x, P, dt = self.x[heard], self.P[heard], self._dt
+    def _update(self, rate_m: Array, rate_s: Array, delivered: NDArray[np.bool_]) -> None:
+        x, P, dt = self.x[delivered], self.P[delivered], self._dt
         predicted, H = _increment(x, rate_m, dt)
         innovation = rate_s - predicted - x[:, BIAS_S : BIAS_S + 3]
         HP = H @ P
@@ -109,9 +109,9 @@ class GsBank:
         gain = np.linalg.solve(HP @ np.swapaxes(H, -1, -2) + R, HP)
         K = np.swapaxes(gain, -1, -2)
         rest = np.eye(SIZE) - K @ H
-        self.x[heard] = x + np.einsum("mij,mj->mi", K, innovation)
+        self.x[delivered] = x + np.einsum("mij,mj->mi", K, innovation)
         P = rest @ P @ np.swapaxes(rest, -1, -2) + K @ R @ gain
-        self.P[heard] = 0.5 * (P + np.swapaxes(P, -1, -2))
+        self.P[delivered] = 0.5 * (P + np.swapaxes(P, -1, -2))
 
     def ahead(self, steps: int) -> tuple[Array, Array]:
         """Return angle, rad, (M, 3), and covariance, rad^2, (M, 3, 3), some steps from now."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from avionics.pos.attitude import right_jacobian, rotation_from_vector
 from avionics.pos.flexure import Flexure
-from avionics.pos.online import GsBank, GyroBelief
+from avionics.pos.online import GsBank, GyroNoise
 from avionics.wse.geometry import WingGeometry
 from avionics.wse.gyro_rates import GyroInputs
 from avionics.wse.kinematics import euler_rate_matrix
@@ -77,7 +77,7 @@ class WingGs:
         self._known_ns = -(-first // period) * period
         # One that spoke and fell silent before the pods began is the master too, and away.
         self.has_master = self._hears_root(0)
-        master = "the root IMU" if self.has_master else "a root at rest (no root IMU heard)"
+        master = "the root IMU" if self.has_master else "a root at rest (no root IMU samples)"
         self._news.append(("info", f"distributed POS against {master}"))
         return self._new_bank()
 
@@ -87,7 +87,7 @@ class WingGs:
 
     def _new_bank(self) -> GsBank:
         master = 1.0 if self.has_master else 0.0
-        gyros = GyroBelief(
+        gyros = GyroNoise(
             noise_m=master * self._noise,
             noise_s=self._noise,
             bias_m=master * self._settings.bias.sigma,
@@ -135,13 +135,13 @@ class WingGs:
         self.inputs.forget(self._known_ns - 10 * self._period_ns)
         return bank
 
-    def _root_rate(self, heard: FloatArray | None) -> FloatArray | None:
-        """Return the root's rate in the step from now; None where it was not heard throughout."""
+    def _root_rate(self, found: FloatArray | None) -> FloatArray | None:
+        """Return the root's rate in the step from now; None where samples are missing."""
         if not self.has_master:
             return np.zeros(3)
-        if heard is None and self._lost_ns is None:
+        if found is None and self._lost_ns is None:
             self._lost_ns = self._known_ns
-        return heard if self._known_ns >= self._back_ns else None
+        return found if self._known_ns >= self._back_ns else None
 
     def _tell_silence(self) -> None:
         if self._lost_ns is None or self._is_told or self._known_ns - self._lost_ns <= SILENCE_NS:

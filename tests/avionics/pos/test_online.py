@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from avionics.pos.difference_filter import DifferenceOptions, difference_filter
-from avionics.pos.online import GsBank, GyroBelief
+from avionics.pos.online import GsBank, GyroNoise
 from avionics.pos.simulate import simulate
 from avionics.pos.trajectory import Trajectory
 from tests.avionics.pos.conftest import DEG, DT, make_node
@@ -17,7 +17,7 @@ def test_the_bank_equals_the_compiled_filter_for_every_pod(trajectory: Trajector
     runs = [simulate(trajectory, node, np.random.default_rng(seed))[1] for seed in (1, 2)]
     # One master for both: its noise is that of the first run.
     runs[1] = replace(runs[1], rate_m=runs[0].rate_m)
-    gyros = GyroBelief(
+    gyros = GyroNoise(
         node.master.gyro_noise, node.slave.gyro_noise, node.master.gyro_bias, node.slave.gyro_bias
     )
     bank = GsBank(2, DT, node.flexure, gyros, 0.5 * DEG)
@@ -36,7 +36,7 @@ def test_a_silent_pod_grows_uncertain_and_does_not_disturb_the_other(
 ) -> None:
     node = make_node()
     _, run = simulate(trajectory, node, np.random.default_rng(1))
-    gyros = GyroBelief(1e-4, 1e-4, 0.0, 1e-3)
+    gyros = GyroNoise(1e-4, 1e-4, 0.0, 1e-3)
     both = GsBank(2, DT, node.flexure, gyros, 0.5 * DEG)
     alone = GsBank(1, DT, node.flexure, gyros, 0.5 * DEG)
     for k in range(1, 1500):
