@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from avionics.config import Camera, Config, Marker, stations
+from avionics.kinds import GS, EstimateKind
 from avionics.wse.adaptive_noise import UpdateRules
 from avionics.wse.attitude import camera_attitude
 from avionics.wse.markers import MarkerModel
@@ -22,6 +23,7 @@ from avionics.wse.state import RandomWalk, StateLayout
 
 if TYPE_CHECKING:
     from avionics.pos.wing_gs import WingGs
+    from avionics.wse.gyro_estimator import GyroEstimator
 
 
 def pinhole_from_config(camera: Camera) -> Pinhole:
@@ -173,8 +175,18 @@ def _has_offset(config: Config) -> bool:
     return bool(wanted)
 
 
+def gyro_estimators(
+    config: Config, settings: FilterSettings
+) -> "dict[EstimateKind, GyroEstimator]":
+    """Return the estimators that fly beside the camera-aided filter, by the kind of their rows."""
+    found: dict[EstimateKind, GyroEstimator] = {}
+    if GS in config.estimators:
+        found[GS] = wing_gs(config, settings)
+    return found
+
+
 def wing_gs(config: Config, settings: FilterSettings) -> "WingGs":
-    """Return the distributed POS of a configuration, which flies beside the camera filter."""
+    """Return the distributed POS of a configuration."""
     # Its compiler is slow to load, and few flights want it.
     from avionics.pos.flexure import markov_flexure  # noqa: PLC0415
     from avionics.pos.wing_gs import WingGs  # noqa: PLC0415

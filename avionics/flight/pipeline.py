@@ -1,16 +1,13 @@
 """The one path of a wing's samples and tracks to its estimates."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from avionics.config import Config
 from avionics.flight.estimate_rows import EstimateRows
-from avionics.flight.filter_setup import marker_model, settings_from_config, wing_gs
+from avionics.flight.filter_setup import gyro_estimators, marker_model, settings_from_config
 from avionics.flight.health import HealthLog, Level
 from avionics.flight.imu_channel import ImuChannel
 from avionics.flight.outputs import OrderedOutput
-from avionics.kinds import GS
 from avionics.records import MarkerPrediction, MarkerTracks
 from avionics.topics import ROOT
 from avionics.wse.fusion import WingFusion
@@ -18,9 +15,6 @@ from avionics.wse.gyro_rates import GyroInputs
 from avionics.wse.hypotheses import marker_hypotheses
 from avionics.wse.update import MarkerMeasurement, UpdateResult
 from drivers.samples import ImuSample
-
-if TYPE_CHECKING:
-    from avionics.pos.wing_gs import WingGs
 
 ESTIMATOR = "estimator"
 
@@ -58,7 +52,7 @@ class Pipeline:
         self._model = model
         self._hypotheses = marker_hypotheses(model, np.diag(settings.prior))
         self._fusion = WingFusion(settings, model, paper_model)
-        self._gs = wing_gs(config, settings) if "gs" in config.estimators else None
+        self._beside = gyro_estimators(config, settings)
         self._rows = EstimateRows(config, self._fusion)
         self._output, self._health = output, health
         mirrored = config.wing.side == "left"
@@ -99,9 +93,7 @@ class Pipeline:
 
     def _inputs(self) -> tuple[GyroInputs, ...]:
         """Rates go to every estimator that flies."""
-        if self._gs is None:
-            return (self._fusion.inputs,)
-        return (self._gs.inputs, self._fusion.inputs)
+        return (*(estimator.inputs for estimator in self._beside.values()), self._fusion.inputs)
 
     def _channel(self, name: str) -> ImuChannel:
         """Return the channel of a pod; that of the root is made when its first sample comes."""
@@ -162,8 +154,8 @@ class Pipeline:
     def restart(self) -> None:
         """Forget the past: the next samples are a new start."""
         self._fusion.restart()
-        if self._gs is not None:
-            self._gs.restart()
+        for estimator in self._beside.values():
+            estimator.restart()
         self._waiting.clear()
 
     def tick(self, tick_ns: int) -> None:
@@ -171,17 +163,14 @@ class Pipeline:
         self._fusion.advance(tick_ns)
         self._fuse_waiting(tick_ns)
         self._output.write_tick(self._rows, self._fusion.forecast(tick_ns))
-        if self._gs is not None:
-            self._gs_row(self._gs, tick_ns)
+        for kind, estimator in self._beside.items():
+            for level, message in estimator.advance(tick_ns):
+                self._health.tell(f"{kind}{self._suffix}", level, message, tick_ns)
+            estimate = estimator.estimate_at(tick_ns)
+            if estimate is not None:
+                self._output.write(self._rows.single(tick_ns, kind, estimate), tick_ns)
         for channel in self._channels.values():
             channel.watch(tick_ns)
-
-    def _gs_row(self, gs: "WingGs", tick_ns: int) -> None:
-        for level, message in gs.advance(tick_ns):
-            self._health.tell(f"gs{self._suffix}", level, message, tick_ns)
-        estimate = gs.estimate_at(tick_ns)
-        if estimate is not None:
-            self._output.write(self._rows.single(tick_ns, GS, estimate), tick_ns)
 
     def predict_markers(self, t_ns: int) -> MarkerPrediction:
         """Return where the markers are expected in a frame exposed at ``t_ns``.

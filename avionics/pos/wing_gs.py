@@ -6,7 +6,6 @@ filter; modal amplitudes are fitted to them.
 """
 
 import math
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from avionics.pos.attitude import right_jacobian, rotation_from_vector
 from avionics.pos.flexure import Flexure
 from avionics.pos.online import GsBank, GyroNoise
 from avionics.wse.geometry import WingGeometry
+from avionics.wse.gyro_estimator import News
 from avionics.wse.gyro_rates import GyroInputs
 from avionics.wse.kinematics import euler_rate_matrix
 from avionics.wse.settings import FilterSettings
@@ -24,8 +24,6 @@ FloatArray = NDArray[np.float64]
 
 # A root IMU that is away for longer is worth an event: as long as for any IMU.
 SILENCE_NS = 250_000_000
-
-News = tuple[Literal["info", "warning"], str]
 
 
 class WingGs:
