@@ -2,8 +2,9 @@
 
 Five register banks, reset, start-up times, the filters' delays, invalid data until the first
 sample, and the data sheet's prohibitions, which are kept and noted. What the registers leave out:
-FIFO, interrupt pins, time stamps, motion detection, self-test and notch filter are stored, not
-acted on; the accelerometer latches with the gyro. The phase of its clock is its own.
+FIFO, interrupt pins, time stamps, motion detection, self-test, the adaptive full-scale range, the
+notch and the settings of the anti-alias filter are stored, not acted on; the accelerometer latches
+with the gyro. The phase of its clock is its own.
 """
 
 import numpy as np
