@@ -33,6 +33,14 @@ class Event:
     message: str
 
 
+def named_once(source: str, message: str) -> str:
+    """Return a message without the name of its source, which stands beside it in an event.
+
+    Errors name the thing that failed; what reports them names it again.
+    """
+    return message.replace(f"{source}: ", "")
+
+
 class EventList:
     """The last events of one driver, until somebody takes them."""
 
@@ -41,6 +49,7 @@ class EventList:
 
     def add(self, t_ns: int, source: str, level: Level, message: str) -> None:
         """Remember one event and log it."""
+        message = named_once(source, message)
         log.log(_LEVELS[level], "%s: %s", source, message)
         self._events.append(Event(t_ns, source, level, message))
 

@@ -10,14 +10,14 @@ Level = Literal["info", "warning", "error"]
 
 
 class HealthLog:
-    """Counts what happens to every source and says so once a second.
+    """Counts what happens to every source; writes the counters once a second.
 
     Parameters
     ----------
     sink : Sink
         Takes the records.
     period_ns : int
-        Time between two accounts, ns.
+        Time between two records of the counters, ns.
     """
 
     def __init__(self, sink: Sink, period_ns: int = 1_000_000_000) -> None:
@@ -38,7 +38,7 @@ class HealthLog:
             self.declare(source)
         self._counters[source][name] += number
 
-    def account(self, now_ns: int, *, is_last: bool = False) -> None:
+    def write_counters(self, now_ns: int, *, is_last: bool = False) -> None:
         """Write one record per source if a period has passed, or for the last time."""
         if self._due_ns is None:
             self._due_ns = (now_ns // self._period_ns + 1) * self._period_ns
@@ -48,6 +48,6 @@ class HealthLog:
         for source, counters in self._counters.items():
             self._sink.write(Health(now_ns, source, dict(counters)), now_ns)
 
-    def tell(self, source: str, level: Level, message: str, now_ns: int) -> None:
-        """Write an event."""
+    def report(self, source: str, level: Level, message: str, now_ns: int) -> None:
+        """Write an event of a source."""
         self._sink.write(Event(now_ns, source, level, message), now_ns)

@@ -15,10 +15,10 @@ from drivers.samples import ImuSample
 SPIKE_FLOOR_RAD_S = 0.7
 SPIKE_FACTOR = 8.0
 SPIKE_MEMORY = 0.05
-# Consecutive samples that must agree before a step is believed.
-BELIEVED_AFTER = 2
+# Consecutive samples that must agree before a step is accepted.
+ACCEPTED_AFTER = 2
 WILD_RAD_S = 10.0
-BELIEVED_AFTER_WILD = 4
+ACCEPTED_AFTER_WILD = 4
 SILENCE_S = 0.25
 # Across a longer gap the motion says nothing about the next sample.
 JOINED_PERIODS = 3
@@ -33,12 +33,12 @@ class SpikeScreen:
         self._suspects: list[list[float]] = []
 
     def forget(self) -> None:
-        """Begin anew after a gap; how lively the wing was is kept."""
+        """Restart after a gap; how lively the wing was is kept."""
         self._kept.clear()
         self._suspects.clear()
 
     def passes(self, rate: list[float]) -> bool:
-        """Return whether a sample (P, Q, R), rad/s, is believed."""
+        """Return whether a sample (P, Q, R), rad/s, is accepted."""
         if len(self._kept) < 2:
             self._kept.append(rate)
             return True
@@ -59,7 +59,7 @@ class SpikeScreen:
         """Return whether earlier suspects say the same; remembers this one if not."""
         if self._suspects and _apart(rate, self._suspects[-1]) > 2.0 * limit:
             self._suspects.clear()
-        needed = BELIEVED_AFTER_WILD if miss > WILD_RAD_S else BELIEVED_AFTER
+        needed = ACCEPTED_AFTER_WILD if miss > WILD_RAD_S else ACCEPTED_AFTER
         if len(self._suspects) + 1 >= needed:
             return True
         self._suspects.append(rate)
@@ -152,7 +152,7 @@ class ImuChannel:
             self._health.count(self._source, "spikes")
             shown = np.degrees(sample.rate_rad_s).round(1).tolist()
             message = f"rate {shown} deg/s rejected"
-            self._health.tell(self._source, "warning", message, arrival_ns)
+            self._health.report(self._source, "warning", message, arrival_ns)
             return None
         x, y, z = axes
         rate = [a * x + b * y + c * z for a, b, c in self._model_from_sensor]
@@ -177,12 +177,12 @@ class ImuChannel:
         if self.is_silent and self._arrived_ns is not None:
             away_s = (arrival_ns - self._arrived_ns) * 1e-9
             message = f"back after {away_s:.2f} s"
-            self._health.tell(self._source, "info", message, arrival_ns)
+            self._health.report(self._source, "info", message, arrival_ns)
             self.is_silent = False
         self._arrived_ns = arrival_ns
 
     def note_age(self, t_ns: int, known_ns: int, now_ns: int) -> None:
-        """Count a sample that came after the filter had gone on without it; say so when it is old.
+        """Count a sample that came after the filter had gone on without it; report one that is old.
 
         Parameters
         ----------
@@ -196,15 +196,15 @@ class ImuChannel:
         if is_late and age_s > SILENCE_S and not self._is_late:
             self._is_late = True
             message = f"samples come {age_s:.2f} s late; the estimator went on without them"
-            self._health.tell(self._source, "warning", message, now_ns)
+            self._health.report(self._source, "warning", message, now_ns)
         elif self._is_late and not is_late:
             self._is_late = False
-            self._health.tell(self._source, "info", "samples come in time again", now_ns)
+            self._health.report(self._source, "info", "samples come in time again", now_ns)
 
     def watch(self, now_ns: int) -> None:
-        """Say so once when nothing has come for a quarter of a second."""
+        """Report once when nothing has come for a quarter of a second."""
         if self._arrived_ns is None or self.is_silent:
             return
         if now_ns - self._arrived_ns > SILENCE_S * 1e9:
             self.is_silent = True
-            self._health.tell(self._source, "warning", "silent; going on without it", now_ns)
+            self._health.report(self._source, "warning", "silent; going on without it", now_ns)

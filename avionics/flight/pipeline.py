@@ -141,15 +141,15 @@ class Pipeline:
         if result.locked_out:
             self._health.count(self._camera, "lock_outs")
             message = f"most markers rejected ({result.gated} of {result.found})"
-            self._tell("warning", message, now_ns)
+            self._report_event("warning", message, now_ns)
         if result.lost:
-            self._tell("error", "the estimate was lost; restarted", now_ns)
+            self._report_event("error", "the estimate was lost; restarted", now_ns)
         if result.reacquired:
             message = f"shape acquired again from {int(result.used.sum())} markers that agree"
-            self._tell("warning", message, now_ns)
+            self._report_event("warning", message, now_ns)
 
-    def _tell(self, level: Level, message: str, now_ns: int) -> None:
-        self._health.tell(f"{ESTIMATOR}{self._suffix}", level, message, now_ns)
+    def _report_event(self, level: Level, message: str, now_ns: int) -> None:
+        self._health.report(f"{ESTIMATOR}{self._suffix}", level, message, now_ns)
 
     def restart(self) -> None:
         """Forget the past: the next samples are a new start."""
@@ -165,7 +165,7 @@ class Pipeline:
         self._output.write_tick(self._rows, self._fusion.forecast(tick_ns))
         for kind, estimator in self._beside.items():
             for level, message in estimator.advance(tick_ns):
-                self._health.tell(f"{kind}{self._suffix}", level, message, tick_ns)
+                self._health.report(f"{kind}{self._suffix}", level, message, tick_ns)
             estimate = estimator.estimate_at(tick_ns)
             if estimate is not None:
                 self._output.write(self._rows.single(tick_ns, kind, estimate), tick_ns)

@@ -97,7 +97,7 @@ class Pipelines:
             return
         for pipeline in self._wings:
             pipeline.close(self._now_ns)
-        self._health.account(self._now_ns, is_last=True)
+        self._health.write_counters(self._now_ns, is_last=True)
         self._output.flush()
         self._now_ns = 0
 
@@ -118,7 +118,7 @@ class Pipelines:
         assert self._tick_ns is not None
         silent_s = (now_ns - self._tick_ns) * 1e-9
         message = f"nothing arrived for {silent_s:.0f} s; the estimators restart"
-        self._health.tell(ESTIMATOR, "warning", message, self._tick_ns)
+        self._health.report(ESTIMATOR, "warning", message, self._tick_ns)
         for pipeline in self._wings:
             pipeline.restart()
         self._tick_ns = now_ns // self._period_ns * self._period_ns
@@ -126,5 +126,5 @@ class Pipelines:
     def _tick(self, tick_ns: int) -> None:
         for pipeline in self._wings:
             pipeline.tick(tick_ns)
-        self._health.account(tick_ns)
+        self._health.write_counters(tick_ns)
         self._output.end_tick(tick_ns // self._period_ns)

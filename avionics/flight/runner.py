@@ -19,6 +19,7 @@ from avionics.records import Event, Health, MarkerPrediction, MarkerTracks, Trut
 from avionics.topics import Record, Sink
 from avionics.tracking import Tracker, make_tracker
 from drivers.errors import DriverError
+from drivers.events import Level, named_once
 from drivers.interfaces import Reporting, Source
 from drivers.prompt_threads import prompt_threads
 from drivers.samples import Frame, ImuSample
@@ -30,7 +31,7 @@ LIVE_QUEUE_RECORDS = 4096
 READ_TIMEOUT_S = 0.1
 RETRY_S = 0.5
 DRIVER = "driver "
-"""Before the names of what drivers count and tell: the pipeline has its own account of pods."""
+"""Before the names of what drivers count and report: the pipeline counts pods on its own."""
 HEALTH_PERIOD_NS = 1_000_000_000
 
 
@@ -96,7 +97,7 @@ def run_lockstep(
     step_s: float = 1e-3,
     progress: Progress | None = None,
 ) -> None:
-    """Fly a rig whose clock moves when told, as fast as the machine can.
+    """Fly a rig whose clock moves step by step, as fast as the machine can.
 
     Parameters
     ----------
@@ -246,21 +247,19 @@ class _Live:
             except DriverError as error:
                 self.counters["source_failures"] += 1
                 if not failing:
-                    self._say(source, "error", f"{error}; trying again every {RETRY_S} s")
+                    self._report(source, "error", f"{error}; trying again every {RETRY_S} s")
                 failing = True
                 self._stop.wait(RETRY_S)
                 continue
             if failing:
-                self._say(source, "info", "answers again")
+                self._report(source, "info", "answers again")
                 failing = False
             if record is not None:
                 self._put(record)
 
-    def _say(self, source: AnySource, level: str, message: str) -> None:
+    def _report(self, source: AnySource, level: Level, message: str) -> None:
         name = str(getattr(source, "name", type(source).__name__))
-        is_error = level == "error"
-        now_ns = self._rig.clock.now_ns()
-        self._put(Event(now_ns, name, "error" if is_error else "info", message))
+        self._put(Event(self._rig.clock.now_ns(), name, level, named_once(name, message)))
 
     def _track(self, desk: "_Desk") -> None:
         while not self._stop.is_set():

@@ -11,13 +11,13 @@ WINDOW = 800
 REFIT = 20
 # Before this many samples the nominal period is better than a fitted one.
 SLOPE_FROM = 200
-# Quantiles of fewer samples than this say nothing about lateness.
+# Quantiles of fewer samples than this show nothing of lateness.
 SHAPE_FROM = 60
 # Bowley-like skewness above which read times are taken for a clock plus delays: 0 for symmetric
 # jitter, 0.36 for a half-normal delay, 0.56 for an exponential one.
 LATE_SKEW = 0.25
 LATE_SPREAD_S = 1e-3
-# After a longer silence the clock is taken to have begun anew.
+# After a longer silence the clock is taken to have restarted.
 RESTART_S = 10.0
 BINS = 40
 

@@ -1,7 +1,7 @@
 """Distributed POS on the wing: method Gs online, the root IMU as master and the pods as slaves.
 
-It needs neither camera nor start shape. Until a root IMU speaks the root is taken to rest; where
-one has spoken and is away, nothing is measured. The wing's angles at the pods come out of the
+It needs neither camera nor start shape. Until a root IMU delivers, the root is taken to rest; where
+one has delivered and is silent, nothing is measured. The wing's angles at the pods come out of the
 filter; modal amplitudes are fitted to them.
 """
 
@@ -14,7 +14,7 @@ from avionics.pos.attitude import right_jacobian, rotation_from_vector
 from avionics.pos.flexure import Flexure
 from avionics.pos.online import GsBank, GyroNoise
 from avionics.wse.geometry import WingGeometry
-from avionics.wse.gyro_estimator import News
+from avionics.wse.gyro_estimator import Change
 from avionics.wse.gyro_rates import GyroInputs
 from avionics.wse.kinematics import euler_rate_matrix
 from avionics.wse.settings import FilterSettings
@@ -27,7 +27,7 @@ SILENCE_NS = 250_000_000
 
 
 class WingGs:
-    """The Gs filters of one wing's pods, fed as they speak, asked at the ticks.
+    """The Gs filters of one wing's pods, fed as samples come, asked at the ticks.
 
     Parameters
     ----------
@@ -55,16 +55,16 @@ class WingGs:
         self._live: tuple[bool, ...] = (False,) * len(settings.pods_s)
         self.has_master = False
         self._lost_ns: int | None = None
-        self._is_told = False
+        self._is_reported = False
         self._back_ns = 0
-        self._news: list[News] = []
+        self._changes: list[Change] = []
 
     def restart(self) -> None:
         """Forget everything: the next samples are a new start."""
         self.inputs = GyroInputs(self._settings.rates, self._settings.pod_period_ns)
         self._bank = None
         self._lost_ns = None
-        self._is_told = False
+        self._is_reported = False
         self._back_ns = 0
 
     def _begin(self, now_ns: int) -> GsBank | None:
@@ -73,14 +73,14 @@ class WingGs:
             return None
         period = self._period_ns
         self._known_ns = -(-first // period) * period
-        # One that spoke and fell silent before the pods began is the master too, and away.
-        self.has_master = self._hears_root(0)
+        # One that fell silent before the pods began is the master all the same.
+        self.has_master = self._has_root(0)
         master = "the root IMU" if self.has_master else "a root at rest (no root IMU samples)"
-        self._news.append(("info", f"distributed POS against {master}"))
+        self._changes.append(("info", f"distributed POS against {master}"))
         return self._new_bank()
 
-    def _hears_root(self, until_ns: int) -> bool:
-        """Return whether the root IMU spoke at an instant, shortly before, or later."""
+    def _has_root(self, until_ns: int) -> bool:
+        """Return whether the root IMU delivered at an instant, shortly before, or later."""
         return self.inputs.ahead(until_ns - self._period_ns, until_ns).body is not None
 
     def _new_bank(self) -> GsBank:
@@ -95,7 +95,7 @@ class WingGs:
         pods = len(self._settings.pods_s)
         return GsBank(pods, self._dt, self._flexure, gyros, self._rho_sigma)
 
-    def advance(self, now_ns: int) -> list[News]:
+    def advance(self, now_ns: int) -> list[Change]:
         """Run the filters over every step of the grid that is known at ``now_ns``.
 
         Returns
@@ -107,15 +107,15 @@ class WingGs:
             self._bank = self._begin(now_ns)
         if self._bank is not None:
             self._bank = self._run(self._bank, now_ns)
-        news, self._news = self._news, []
-        return news
+        changes, self._changes = self._changes, []
+        return changes
 
     def _run(self, bank: GsBank, now_ns: int) -> GsBank:
         horizon = self.inputs.known_until(now_ns)
-        if self._hears_root(horizon):
+        if self._has_root(horizon):
             if not self.has_master:
-                message = "the root IMU speaks, the root is not at rest; starting anew against it"
-                self._news.append(("warning", message))
+                message = "a root IMU delivers, the root is not at rest; restarted against it"
+                self._changes.append(("warning", message))
                 self.has_master, self._back_ns = True, now_ns
                 bank = self._new_bank()
             self._end_silence(now_ns)
@@ -129,7 +129,7 @@ class WingGs:
             else:
                 bank.step(self._line_from_body @ root, step.rates, np.array(self._live))
             self._known_ns = end
-        self._tell_silence()
+        self._report_silence()
         self.inputs.forget(self._known_ns - 10 * self._period_ns)
         return bank
 
@@ -141,21 +141,25 @@ class WingGs:
             self._lost_ns = self._known_ns
         return found if self._known_ns >= self._back_ns else None
 
-    def _tell_silence(self) -> None:
-        if self._lost_ns is None or self._is_told or self._known_ns - self._lost_ns <= SILENCE_NS:
+    def _report_silence(self) -> None:
+        if (
+            self._lost_ns is None
+            or self._is_reported
+            or self._known_ns - self._lost_ns <= SILENCE_NS
+        ):
             return
         message = "the root IMU is silent; angles grow uncertain until it is back"
-        self._news.append(("warning", message))
-        self._is_told = True
+        self._changes.append(("warning", message))
+        self._is_reported = True
 
     def _end_silence(self, now_ns: int) -> None:
         """Measure again from now on: before now the root's rate is not known."""
         if self._lost_ns is None:
             return
-        if self._is_told:
+        if self._is_reported:
             away_s = (now_ns - self._lost_ns) * 1e-9
-            self._news.append(("info", f"the root IMU is back after {away_s:.2f} s"))
-        self._back_ns, self._lost_ns, self._is_told = now_ns, None, False
+            self._changes.append(("info", f"the root IMU is back after {away_s:.2f} s"))
+        self._back_ns, self._lost_ns, self._is_reported = now_ns, None, False
 
     def estimate_at(self, tick_ns: int) -> Estimate | None:
         """Return amplitudes and biases at a tick with what is known; None before the start.

@@ -5,7 +5,7 @@ from typing import Literal, Protocol
 from avionics.wse.gyro_rates import GyroInputs
 from avionics.wse.state import Estimate
 
-News = tuple[Literal["info", "warning"], str]
+Change = tuple[Literal["info", "warning"], str]
 
 
 class GyroEstimator(Protocol):
@@ -23,7 +23,7 @@ class GyroEstimator(Protocol):
         """Forget the past: the next samples are a new start."""
         ...
 
-    def advance(self, now_ns: int) -> list[News]:
+    def advance(self, now_ns: int) -> list[Change]:
         """Run over every step that is known at ``now_ns``; return what there is to report."""
         ...
 

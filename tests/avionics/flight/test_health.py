@@ -66,7 +66,7 @@ def test_losses_are_counted_by_number_and_by_time() -> None:
     channel.take(sample(0, [0.1, 0, 0], seq=0), EPOCH_NS)
     channel.take(sample(10, [0.2, 0, 0], seq=4), EPOCH_NS)
     channel.take(sample(40, [0.3, 0, 0], seq=5), EPOCH_NS)
-    health.account(EPOCH_NS, is_last=True)
+    health.write_counters(EPOCH_NS, is_last=True)
     assert sink.health("pod 1")["lost"] == 3 + 2
 
 
@@ -85,7 +85,7 @@ def test_older_samples_are_counted_as_disordered() -> None:
     channel = ImuChannel("pod 1", Pod(id=1, s_m=0.6), Estimator(), is_mirrored=False, health=health)
     assert channel.take(sample(10, [0.1, 0, 0]), EPOCH_NS) is not None
     assert channel.take(sample(5, [0.2, 0, 0]), EPOCH_NS) is None
-    health.account(EPOCH_NS, is_last=True)
+    health.write_counters(EPOCH_NS, is_last=True)
     assert sink.health("pod 1")["disordered"] == 1
 
 

@@ -210,7 +210,7 @@ def test_a_root_that_comes_late_begins_the_filter_anew(config: Config) -> None:
     (_, first), (level, second) = told_by(sink)
     assert "a root at rest" in first
     assert level == "warning"
-    assert "starting anew against it" in second
+    assert "restarted against it" in second
     rows = [r for _, r, _ in sink.records if isinstance(r, WingShapeEstimate) and r.kind == "gs"]
     sigmas = np.array([row.phi_sigma_rad.max() for row in rows])
     assert sigmas[95:].max() > 1.1 * sigmas[90]
