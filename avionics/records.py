@@ -27,6 +27,8 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
+ROOT = "root"
+"""What samples of the IMU at the root carry as their pod."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,8 +16,6 @@ Record = (
     ImuSample | Frame | EncodedFrame | MarkerTracks | WingShapeEstimate | Health | Event | Truth
 )
 
-ROOT = "root"
-"""What samples of the IMU at the root carry as their pod."""
 HEALTH = "/health"
 EVENT = "/event"
 

@@ -27,12 +27,12 @@ This page is made from the types in `avionics/config/`: `python docs/make_config
 WINGS = """## `[[wings]]`
 
 Several wings of one aircraft fly in one log: a pipeline each, one clock, and one IMU at the root
-(the pod "root" in a log) whose rates are taken off every wing. A `[[wings]]` holds the keys of
-`[wing]`, `name` being needed, and its own tables: `[[wings.pods]]`, `[[wings.markers]]`,
-`[[wings.truth_markers]]`, `[wings.camera]`, and `calibration` for its camera. Estimator, tracker
-and recorder are shared and stand at the top. Names of wings and of cameras and the ids of pods are
-unique over the flight, marker ids within a wing. `--set wings.left.camera.tilt_deg=-12` changes a
-key of one wing.
+(`[root]`, the pod "root" in a log) whose rates are taken off every wing. A `[[wings]]` holds the
+keys of `[wing]`, `name` being needed, and its own tables: `[[wings.pods]]`, `[[wings.markers]]`,
+`[[wings.truth_markers]]`, `[wings.camera]`, and `calibration` for its camera. Estimator, tracker,
+recorder and root are shared and stand at the top. Names of wings and of cameras and the ids of pods
+are unique over the flight, marker ids within a wing. `--set wings.left.camera.tilt_deg=-12` changes
+a key of one wing.
 
 A left wing is the right one mirrored in y: its local axes point as the mirrored ones do (x forward,
 y inboard, z down), angles and loads read as a right wing's, and all that is reported in body axes

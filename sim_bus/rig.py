@@ -5,13 +5,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from avionics.config import Camera, FlightConfig
-from avionics.config.chips import Bno055Settings, Chip
+from avionics.config import Camera, FlightConfig, RootImu
+from avionics.config.chips import Chip
 from avionics.config.link_checks import check_links
-from avionics.config.links import I2cLink
 from avionics.flight.assemble import Mount, assemble, mounts_of
 from avionics.flight.rig import Rig
-from avionics.records import Truth
+from avionics.records import ROOT, Truth
 from drivers.clock import Clock
 from sim_bus.buses.can_pod import SimPod
 from sim_bus.buses.factory import DrawnPods, SimBuses, generator
@@ -30,7 +29,6 @@ from sim_bus.wing.sim_wing import SimWing
 # Chips and pods boot, drivers open and pod clocks are learnt while the wing rests.
 EPOCH_NS = 5_000_000_000
 WARM_UP_STEP_NS = 1_000_000
-ROOT_BUS = 99
 
 
 class SimTruth:
@@ -212,10 +210,12 @@ def _open(
     for wing, each in flown:
         for pod in each.pods:
             rig.chips[pod.name] = chip_of(pod.chip, PodMotion(wing, pod), f"pod {pod.name}")
-    mounts, root = mounts_of(config.pods, buses), None
-    if scenario.root:  # a root that moves has an IMU of its own
-        root = Mount("root", I2cLink(bus=ROOT_BUS), Bno055Settings())
-        rig.chips["root"] = chip_of(root.chip, RootSensor(rig.wing), "root")
+    mounts: list[Mount] = mounts_of(config.pods, buses)
+    root: Mount | None = None
+    if scenario.root or config.root:  # a root that moves has an IMU of its own
+        imu = config.root or RootImu()
+        (root,) = mounts_of([imu], buses)
+        rig.chips[ROOT] = chip_of(imu.chip, RootSensor(rig.wing, imu), ROOT)
         mounts.append(root)
     check_links(mounts)
     buses.wire(mounts, DrawnPods(clock, rig.faults, rig.chips, scenario.imu, seed))

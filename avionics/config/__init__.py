@@ -5,6 +5,7 @@ from avionics.config.model import (
     Config,
     Marker,
     Pod,
+    RootImu,
     Wing,
     stations,
 )
@@ -20,6 +21,7 @@ __all__ = [
     "Marker",
     "Pod",
     "Recorder",
+    "RootImu",
     "Tracker",
     "Wing",
     "WingsConfig",

@@ -6,20 +6,39 @@ Degrees are for people; what leaves through a property is SI and radians. How fi
 
 import hashlib
 import math
-from typing import Literal
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationInfo,
+    model_serializer,
+    model_validator,
+)
 
 from avionics.config.chips import Bno055Settings, Chip
-from avionics.config.link_checks import check_links
+from avionics.config.link_checks import Linked, check_links
 from avionics.config.links import CameraSource, Link, Section
 from avionics.config.shared import DistributedPos, Estimator, Recorder, Tracker, Vector3
 from avionics.errors import ConfigError
-from avionics.records import FloatArray
+from avionics.records import ROOT, FloatArray
 
 Matrix3 = tuple[Vector3, Vector3, Vector3]
 IDENTITY: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def _rotation(value: Matrix3) -> Matrix3:
+    matrix = np.array(value)
+    if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-3 or np.linalg.det(matrix) < 0:
+        msg = "is not a rotation matrix (orthonormal rows, determinant +1)"
+        raise ValueError(msg)
+    return value
+
+
+Rotation = Annotated[Matrix3, AfterValidator(_rotation)]
 
 
 class Pod(Section):
@@ -28,7 +47,7 @@ class Pod(Section):
     id: int = Field(ge=0)
     """Number of the pod."""
     s_m: float = Field(ge=0, description="arc length from the root on the reference line, m")
-    R_sensor_from_local: Matrix3 = Field(
+    R_sensor_from_local: Rotation = Field(
         default=IDENTITY, description="takes local (line) components to sensor components"
     )
     link: Link | None = None
@@ -36,26 +55,53 @@ class Pod(Section):
     chip: Chip = Bno055Settings()
     """Which IMU it is and its settings."""
 
-    @field_validator("R_sensor_from_local")
-    @classmethod
-    def _is_rotation(cls, value: Matrix3) -> Matrix3:
-        matrix = np.array(value)
-        if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-3 or np.linalg.det(matrix) < 0:
-            msg = "is not a rotation matrix (orthonormal rows, determinant +1)"
-            raise ValueError(msg)
-        return value
-
     @model_validator(mode="after")
     def _chip_fits_the_link(self) -> "Pod":
-        misfit = None if self.link is None else self.chip.misfit(self.link)
-        if misfit is not None:
-            raise ValueError(misfit)
+        _check_fit(self)
         return self
 
     @property
     def name(self) -> str:
         """The identifier that samples carry."""
         return str(self.id)
+
+    @property
+    def title(self) -> str:
+        """What messages call it."""
+        return f"pod {self.id}"
+
+
+class RootImu(Section):
+    """The IMU at the root, where the aircraft moves: its rates are taken off those of every pod."""
+
+    R_sensor_from_body: Rotation = Field(
+        default=IDENTITY, description="takes body components to sensor components"
+    )
+    link: Link | None = None
+    """How it is connected, as a pod is."""
+    chip: Chip = Bno055Settings()
+    """Which IMU it is and its settings."""
+
+    @model_validator(mode="after")
+    def _chip_fits_the_link(self) -> "RootImu":
+        _check_fit(self)
+        return self
+
+    @property
+    def name(self) -> str:
+        """The identifier that samples carry."""
+        return ROOT
+
+    @property
+    def title(self) -> str:
+        """What messages call it."""
+        return ROOT
+
+
+def _check_fit(imu: Pod | RootImu) -> None:
+    misfit = None if imu.link is None else imu.chip.misfit(imu.link)
+    if misfit is not None:
+        raise ValueError(misfit)
 
 
 class Marker(Section):
@@ -179,6 +225,16 @@ class FlightSettings(Section):
     """Estimators that fly side by side."""
     gs: DistributedPos = DistributedPos()
     """The distributed POS beside the camera-aided filter."""
+    root: RootImu | None = None
+    """The IMU at the root; absent, the root rests."""
+
+    @model_serializer(mode="wrap")
+    def _without_absent_root(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Write no key where there is none: digests stay what they were before it."""
+        tables: dict[str, Any] = handler(self)
+        if tables.get("root", self) is None:
+            del tables["root"]
+        return tables
 
     @property
     def wing_configs(self) -> tuple["Config", ...]:
@@ -215,10 +271,10 @@ FLOWN = {"is_flown": True}
 """Context in which the configuration of a log is validated: what has flown can be read again."""
 
 
-def check_unless_flown(pods: tuple[Pod, ...], info: ValidationInfo) -> None:
+def check_unless_flown(imus: Iterable[Linked | None], info: ValidationInfo) -> None:
     """Raise ``ConfigError`` where links contradict each other and have not flown all the same."""
     if info.context != FLOWN:
-        check_links(pods)
+        check_links(imu for imu in imus if imu is not None)
 
 
 class _OneWing(Section):
@@ -234,7 +290,7 @@ class Config(FlightSettings, Equipment, _OneWing):
     @model_validator(mode="after")
     def _is_consistent(self, info: ValidationInfo) -> "Config":
         self.check_placed(self.wing.span_m)
-        check_unless_flown(self.pods, info)
+        check_unless_flown((*self.pods, self.root), info)
         return self
 
     @property

@@ -59,7 +59,7 @@ class WingsConfig(FlightSettings):
         _unique("wings", "name", (wing.name for wing in self.wings))
         _unique("pods of all wings", "id", (pod.id for pod in self.pods))
         _unique("cameras", "name", (wing.camera.name for wing in self.wings if wing.camera))
-        check_unless_flown(self.pods, info)
+        check_unless_flown((*self.pods, self.root), info)
         return self
 
     @property

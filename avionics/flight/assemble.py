@@ -8,7 +8,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-from avionics.config import Camera, FlightConfig, Pod
+from avionics.config import Camera, FlightConfig, Pod, RootImu
 from avionics.config.chips import Chip
 from avionics.config.links import CanLink, I2cLink, Link, SpiLink, UartLink
 from avionics.flight.chips import make_chip, pod_settings
@@ -37,8 +37,8 @@ class Buses(Protocol):
         """Whether the calibration files of chips are read and written."""
         ...
 
-    def link(self, pod: Pod) -> Link:
-        """Return how a pod is connected.
+    def link(self, pod: Pod | RootImu) -> Link:
+        """Return how a pod, or the IMU at the root, is connected.
 
         Raises
         ------
@@ -113,7 +113,7 @@ def assemble(config: FlightConfig, buses: Buses, clock: Clock, *, root: Mount | 
     clock : Clock
         The one clock of all samples.
     root : Mount, optional
-        The IMU at the root of a wing whose root moves.
+        The IMU at the root, instead of the configuration's.
 
     Raises
     ------
@@ -132,6 +132,8 @@ def assemble(config: FlightConfig, buses: Buses, clock: Clock, *, root: Mount | 
             pictures = buses.camera(camera)
             if pictures is not None:
                 rig.cameras.append(pictures)
+        if root is None and config.root is not None:
+            (root,) = mounts_of([config.root], buses)
         mounts = [*([] if root is None else [root]), *mounts_of(config.pods, buses)]
         ids: dict[str, bytes] = {}
         for source in imu_sources(mounts, buses, clock):
@@ -145,7 +147,7 @@ def assemble(config: FlightConfig, buses: Buses, clock: Clock, *, root: Mount | 
     return rig
 
 
-def mounts_of(pods: Iterable[Pod], buses: Buses) -> list[Mount]:
+def mounts_of(pods: Iterable[Pod | RootImu], buses: Buses) -> list[Mount]:
     """Return the IMUs of pods, each with its link."""
     return [Mount(pod.name, buses.link(pod), pod.chip) for pod in pods]
 

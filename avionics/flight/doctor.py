@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from avionics.config import Camera, FlightConfig, Pod
+from avionics.config import Camera, FlightConfig, Pod, RootImu
 from avionics.config.links import CanLink, GStreamerCamera, I2cLink, SpiLink, UartLink
 from avionics.errors import ConfigError
 from avionics.flight.assemble import Buses, check_chip_ids, imu_sources, mounts_of
@@ -53,7 +53,7 @@ def probe(
     buses = HardwareBuses(clock) if buses is None else buses
     desk = _Desk(clock, buses, config)
     findings = [
-        _try(f"pod {pod.id} on {_place(pod)}", partial(desk.look_at, pod)) for pod in config.pods
+        _try(f"{imu.title} on {_place(imu)}", partial(desk.look_at, imu)) for imu in _imus(config)
     ]
     if not config.pods:
         findings.append(Finding(ok=False, what="pods", found="none", remedy="add [[pods]] tables"))
@@ -71,10 +71,10 @@ class _Desk:
     def __init__(self, clock: Clock, buses: Buses, config: FlightConfig) -> None:
         self._clock, self._buses = clock, buses
         # All that is connected: a bus with several multiplexers is set as in flight.
-        self._mounts = mounts_of((pod for pod in config.pods if pod.link is not None), buses)
+        self._mounts = mounts_of((imu for imu in _imus(config) if imu.link is not None), buses)
         self._chip_ids: dict[str, bytes] = {}
 
-    def look_at(self, pod: Pod) -> str:
+    def look_at(self, pod: Pod | RootImu) -> str:
         """Return what was found of a pod; raises where it cannot fly."""
         self._buses.link(pod)
         (source,) = imu_sources(self._mounts, self._buses, self._clock, only=pod.name)
@@ -87,14 +87,18 @@ class _Desk:
             source.close()
         if sample is None:
             msg = (
-                f"pod {pod.id}: set up, but no sample within 1 s; see `avionics run` for its "
+                f"{pod.title}: set up, but no sample within 1 s; see `avionics run` for its "
                 "counters"
             )
             raise DeviceNotFoundError(msg)
         return f"{pod.chip.title} answers; {pod.chip.summary}, samples come"
 
 
-def _place(pod: Pod) -> str:
+def _imus(config: FlightConfig) -> list[Pod | RootImu]:
+    return [*config.pods, *([] if config.root is None else [config.root])]
+
+
+def _place(pod: Pod | RootImu) -> str:
     match pod.link:
         case I2cLink() as link:
             mux = (

@@ -8,7 +8,7 @@ from pathlib import Path
 import serial
 import smbus2
 
-from avionics.config import Camera, FlightConfig, Pod
+from avionics.config import Camera, FlightConfig, Pod, RootImu
 from avionics.config.links import FileCamera, GStreamerCamera, Link, SpiLink
 from avionics.config.links import SocketCamera as SocketSource
 from avionics.config.links import V4l2Camera as V4l2Source
@@ -43,11 +43,11 @@ class HardwareBuses:
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
 
-    def link(self, pod: Pod) -> Link:
+    def link(self, pod: Pod | RootImu) -> Link:
         """Return how a pod is connected."""
         if pod.link is None:
             msg = (
-                f'pod {pod.id}: has no link; add e.g. link = {{ kind = "i2c", bus = 1, '
+                f'{pod.title}: has no link; add e.g. link = {{ kind = "i2c", bus = 1, '
                 "address = 0x28 } to fly it"
             )
             raise ConfigError(msg)

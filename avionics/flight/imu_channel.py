@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from avionics.config import Estimator, Pod
-from avionics.config.chips import Bno055Settings
+from avionics.config import Estimator, Pod, RootImu
 from avionics.flight.health import HealthLog
 from avionics.flight.sample_clock import SampleClock
 from drivers.samples import ImuSample
@@ -78,8 +77,8 @@ class ImuChannel:
     ----------
     source : str
         Name in health records and events.
-    pod : Pod or None
-        The pod; None for the root, whose sensor axes are body axes.
+    imu : Pod or RootImu
+        The pod, or the IMU at the root.
     estimator : Estimator
         Lag and clock settings.
     is_mirrored : bool
@@ -91,7 +90,7 @@ class ImuChannel:
     def __init__(
         self,
         source: str,
-        pod: Pod | None,
+        imu: Pod | RootImu,
         estimator: Estimator,
         *,
         is_mirrored: bool,
@@ -99,7 +98,7 @@ class ImuChannel:
     ) -> None:
         self._source = source
         self._health = health
-        chip = pod.chip if pod is not None else Bno055Settings()
+        chip = imu.chip
         period_s = 1.0 / chip.rate_hz
         general = estimator.form == "general"
         lag_s = estimator.gyro_lag_s
@@ -114,10 +113,13 @@ class ImuChannel:
         # recorded may be late stamps of a regular clock.
         recovers = estimator.sample_clock
         if recovers == "auto":
-            recovers = general and (pod is None or pod.link is None)
+            recovers = general and imu.link is None
         self._clock = SampleClock(period_s) if recovers else None
         self._period_ns = round(1e9 * period_s)
-        local_from_sensor = np.array(pod.R_sensor_from_local).T if pod is not None else np.eye(3)
+        sensor_from_local = (
+            imu.R_sensor_from_local if isinstance(imu, Pod) else imu.R_sensor_from_body
+        )
+        local_from_sensor = np.array(sensor_from_local).T
         # Mirrored in y an angular rate keeps its y component and turns the others around.
         mirror = np.diag([-1.0, 1.0, -1.0]) if is_mirrored else np.eye(3)
         self._model_from_sensor: list[list[float]] = (mirror @ local_from_sensor).tolist()

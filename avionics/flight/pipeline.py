@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from avionics.config import Config
+from avionics.config import Config, RootImu
 from avionics.flight.estimate_rows import EstimateRows
 from avionics.flight.filter_setup import gyro_estimators, marker_model, settings_from_config
 from avionics.flight.health import HealthLog, Level
 from avionics.flight.imu_channel import ImuChannel
 from avionics.flight.outputs import OrderedOutput
-from avionics.records import MarkerPrediction, MarkerTracks
-from avionics.topics import ROOT
+from avionics.records import ROOT, MarkerPrediction, MarkerTracks
 from avionics.wse.fusion import WingFusion
 from avionics.wse.gyro_rates import GyroInputs
 from avionics.wse.hypotheses import marker_hypotheses
@@ -100,7 +99,7 @@ class Pipeline:
         if name == ROOT and ROOT not in self._channels:
             self._channels[ROOT] = ImuChannel(
                 f"root{self._suffix}",
-                None,
+                self._config.root or RootImu(),
                 self._config.estimator,
                 is_mirrored=self._mirrored,
                 health=self._health,

@@ -6,8 +6,8 @@ from avionics.config import ByCamera, FlightConfig
 from avionics.flight.health import HealthLog
 from avionics.flight.outputs import OrderedOutput
 from avionics.flight.pipeline import ESTIMATOR, Pipeline
-from avionics.records import MarkerPrediction, MarkerTracks
-from avionics.topics import ROOT, Record, Sink
+from avionics.records import ROOT, MarkerPrediction, MarkerTracks
+from avionics.topics import Record, Sink
 from drivers.samples import ImuSample
 
 # A jump of the arrival clock beyond this is not bridged by rows.

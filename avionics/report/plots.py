@@ -11,10 +11,9 @@ from matplotlib.ticker import FuncFormatter
 from avionics.analysis.bounds import mean_square_bounds
 from avionics.analysis.series import EstimateSeries, FlagArray, TrackSeries
 from avionics.kinds import CRG, PAPER, RG, TRACKS, TRUTH, style_of
-from avionics.records import FloatArray
+from avionics.records import ROOT, FloatArray
 from avionics.report.scores import Curve
 from avionics.report.subject import Subject
-from avionics.topics import ROOT
 
 AXIS_COLOURS = {"x": "#c8102e", "y": "#1a7f37", "z": "#1f6feb"}
 STYLE: dict[Any, Any] = {

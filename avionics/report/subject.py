@@ -17,9 +17,8 @@ from avionics.analysis.series import (
 from avionics.config import Config
 from avionics.errors import RecordingError
 from avionics.kinds import CRG
-from avionics.records import FloatArray
+from avionics.records import ROOT, FloatArray
 from avionics.report.scores import Scores, score_flight
-from avionics.topics import ROOT
 
 
 @dataclass(frozen=True, slots=True, eq=False)

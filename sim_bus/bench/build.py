@@ -61,7 +61,8 @@ def open_bench(config: Config, scenario: Scenario, options: BenchOptions) -> Ben
             pod.model_copy(update={"link": links.get(pod.name, pod.link)}) for pod in config.pods
         )
         check_links(pods)
-        changes: dict[str, object] = {"pods": pods}
+        # The IMU at the root is not served: whoever flies must not wait for it.
+        changes: dict[str, object] = {"pods": pods, "root": None}
         if options.camera is not None:
             changes["camera"] = _serve_camera(bench, options)
         bench.config = config.model_copy(update=changes)

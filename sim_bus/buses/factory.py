@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 import can
 import numpy as np
 
-from avionics.config import Camera, Pod
+from avionics.config import Camera, Pod, RootImu
 from avionics.config.links import CanLink, I2cLink, Link, SpiLink, UartLink
 from avionics.flight.assemble import Mount
+from avionics.records import ROOT
 from drivers.can.port import CanPort
 from drivers.can.python_can import PythonCanPort
 from drivers.clock import Clock
@@ -31,6 +32,7 @@ from sim_bus.wing.scenario import ImuQuality
 
 # Buses of pods whose link is not configured.
 FIRST_BUS = 100
+ROOT_BUS = 99
 
 
 def generator(seed: int, name: str) -> np.random.Generator:
@@ -40,7 +42,7 @@ def generator(seed: int, name: str) -> np.random.Generator:
 
 def target_of(name: str) -> str:
     """Return under which name faults find the IMU of a mount."""
-    return name if name == "root" else f"pod {name}"
+    return name if name == ROOT else f"pod {name}"
 
 
 def bno055(chip: SimChip) -> SimBno055:
@@ -156,9 +158,10 @@ class SimBuses:
                     self.pods.append(pod)
                     self.clock.on_advance(pod.step)
 
-    def link(self, pod: Pod) -> Link:
+    def link(self, pod: Pod | RootImu) -> Link:
         """Return how a pod is connected; one that is not has an I2C bus of its own."""
-        return pod.link or I2cLink(bus=FIRST_BUS + pod.id, address=pod.chip.addresses[0])
+        bus = FIRST_BUS + pod.id if isinstance(pod, Pod) else ROOT_BUS
+        return pod.link or I2cLink(bus=bus, address=pod.chip.addresses[0])
 
     def polling_clock(self) -> Clock:
         """Return the clock of one more polled bus."""

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from avionics.config import Pod
+from avionics.config import Pod, RootImu
 from sim_bus.wing.sim_wing import SimWing
 
 FloatArray = NDArray[np.float64]
@@ -54,21 +54,31 @@ class PodMotion:
 
 
 class RootSensor:
-    """The motion of the root, in body axes; a ``bno055_sensing.Motion``."""
+    """The motion of the root; a ``bno055_sensing.Motion``.
 
-    def __init__(self, wing: SimWing) -> None:
+    Parameters
+    ----------
+    wing : SimWing
+        One of the wings at this root.
+    imu : RootImu
+        Its sensor-to-body rotation.
+    """
+
+    def __init__(self, wing: SimWing, imu: RootImu) -> None:
         self._wing = wing
+        self._sensor_from_body = np.array(imu.R_sensor_from_body, dtype=np.float64)
 
     def sense(self, t_ns: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return angular rate (rad/s), specific force (m/s^2) and flux (T), each (n, 3)."""
         found = self._wing.stations(t_ns, np.zeros(1))
-        to_body = found.D_body_from_local[:, 0]
+        to_body, to_sensor = found.D_body_from_local[:, 0], self._sensor_from_body.T
         return (
-            np.einsum("nij,nj->ni", to_body, found.rate_rad_s[:, 0]),
-            np.einsum("nij,nj->ni", to_body, found.specific_force_m_s2[:, 0]),
-            self._wing.body_from_earth(t_ns) @ EARTH_FIELD_T,
+            np.einsum("nij,nj->ni", to_body, found.rate_rad_s[:, 0]) @ to_sensor,
+            np.einsum("nij,nj->ni", to_body, found.specific_force_m_s2[:, 0]) @ to_sensor,
+            self._wing.body_from_earth(t_ns) @ EARTH_FIELD_T @ to_sensor,
         )
 
     def attitude(self, t_ns: int) -> FloatArray:
-        """Return the direction cosine matrix, north-east-down to body."""
-        return np.asarray(self._wing.body_from_earth(np.array([t_ns], dtype=np.int64))[0])
+        """Return the direction cosine matrix, north-east-down to sensor."""
+        body_from_earth = self._wing.body_from_earth(np.array([t_ns], dtype=np.int64))[0]
+        return np.asarray(self._sensor_from_body @ body_from_earth)

@@ -227,3 +227,12 @@ def test_a_bench_serves_one_wing_and_asks_which(avionics, tmp_path: Path) -> Non
     assert done.status != 0
     assert "wing 'middle': " in done.err
     assert "one of right, left" in done.err
+
+
+def test_the_doctor_looks_at_every_wing_and_at_the_root(avionics) -> None:
+    done = avionics("doctor", EXAMPLE)
+    assert done.status == 1
+    for what in ("pod 0 on /dev/i2c-1", "pod 3 on virtual wing, node 2", "root on /dev/i2c-3"):
+        assert what in done.out
+    for wing in WINGS:
+        assert f"camera {wing}" in done.out

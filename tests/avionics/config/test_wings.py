@@ -93,6 +93,22 @@ def test_what_contradicts_itself_is_refused_by_file_and_key(tables: dict, messag
         parse_config(tables, origin="wing.toml")
 
 
+def test_the_imu_at_the_root_is_one_for_all_and_no_pod_sits_on_its_place() -> None:
+    link = {"kind": "i2c", "bus": 3}
+    config = parse_config(two(root={"link": link}), origin="test")
+    assert all(one.root == config.root for one in config.wing_configs)
+    again = parse_config(config.model_dump(mode="json"), origin="log")
+    assert again.root == config.root
+    assert "root" not in parse_config(two(), origin="test").model_dump(mode="json")
+    taken = {"pods": [{"id": 9, "s_m": 1.0, "link": link}]}
+    with pytest.raises(ConfigError, match=r"pods 9 and root: link\.address: both answer at 0x28"):
+        parse_config(two(right=taken, root={"link": link}), origin="test")
+    with pytest.raises(ConfigError, match=r"'root\.R_sensor_from_body': is not a rotation"):
+        parse_config(
+            two(root={"R_sensor_from_body": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}), origin="t"
+        )
+
+
 def test_marker_ids_are_those_of_their_wing() -> None:
     left, right = parse_config(two(), origin="test").wing_configs
     assert left.markers[0].id == right.markers[0].id == 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from avionics.config import Estimator, Pod
+from avionics.config import Estimator, Pod, RootImu
 from avionics.config.chips import Bno055Settings
 from avionics.config.links import CanLink, I2cLink, UartLink
 from avionics.flight.health import HealthLog
@@ -75,3 +75,19 @@ def test_a_rate_is_as_old_as_its_mode_makes_it(mode, bandwidth_hz, lag, age_s) -
     taken = channel.take(ImuSample(SECOND_NS, "0", 0, np.array([0.1, 0.0, 0.0])), SECOND_NS)
     assert taken is not None
     assert SECOND_NS - taken[0] == pytest.approx(1e9 * age_s, abs=2)
+
+
+@pytest.mark.parametrize("is_mirrored", [False, True])
+def test_the_roots_rates_are_turned_to_the_axes_of_the_wing(is_mirrored: bool) -> None:
+    # GIVEN a sensor whose x axis points to the right and whose y axis points aft
+    root = RootImu(R_sensor_from_body=((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
+    channel = ImuChannel(
+        "root", root, Estimator(), is_mirrored=is_mirrored, health=HealthLog(ListSink())
+    )
+    body = np.array([0.1, 0.2, 0.3])
+    sensor = np.array([body[1], -body[0], body[2]])
+    taken = channel.take(ImuSample(SECOND_NS, "root", 0, sensor), SECOND_NS)
+    assert taken is not None
+    # THEN a left wing's model, a mirror image, has x and z turned around.
+    wanted = body * ([-1.0, 1.0, -1.0] if is_mirrored else [1.0, 1.0, 1.0])
+    assert taken[1] == pytest.approx(wanted)
