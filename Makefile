@@ -10,7 +10,7 @@ CONSTRAINT := $(shell $(PYTHON) -c 'import sys; print("-c requirements.lock" if 
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 APT := $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends
 
-.PHONY: help demo test check docs rig rig-apt rig-foreign rig-proof gst-apt vm vm-apt firmware firmware-test firmware-proof proof bench lock clean
+.PHONY: help demo quick test check docs rig rig-apt rig-foreign rig-proof gst-apt vm vm-apt firmware firmware-test firmware-proof proof bench lock clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 18
@@ -32,6 +32,9 @@ demo: $(VENV)/.installed ## fly 60 s of simulated wing; write log, figures and r
 # One thread a worker: matrices of twenty rows gain nothing from more, and the threads wait by spinning.
 WORKERS ?= 2
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
+
+quick: $(VENV)/.installed ## the inner loop, under a minute: no flights, no compilers
+	$(ONE_THREAD) $(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "not slow and not alone"
 
 test: $(VENV)/.installed ## everything that needs no kernel rig
 	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "not alone"

@@ -23,8 +23,8 @@ from sim_bus.guests.guest import guest_kind
 REFERENCE_HZ: Final = {None: 12000.0, "uml": 4500.0}
 # Below it what remains of a load proves no more.
 LEAST: Final = 0.15
-# A measurement differs from the next by so much.
-SPREAD: Final = 1.25
+# From here on the load is whole: one measurement differs from the next by a fifth.
+FULL_LOAD: Final = 0.8
 # What a pod's firmware can do: a whole number of milliseconds.
 RATES_HZ: Final = (100, 50, 40, 25, 20, 10)
 MEASURE_S: Final = 1.5
@@ -68,13 +68,17 @@ def speed(seconds: float = MEASURE_S) -> float:
 
 def rate_hz(full: int, machine_speed: float) -> int:
     """Return the rate of a pod that this machine can bear where ``full`` is for one of speed 1."""
-    wanted = min(full, full * machine_speed * SPREAD)
+    wanted = _share(machine_speed) * full
     return max((rate for rate in RATES_HZ if rate <= wanted), default=RATES_HZ[-1])
 
 
 def fps(full: int, machine_speed: float, least: int = 4) -> int:
     """Return the frame rate that this machine can bear where ``full`` is for one of speed 1."""
-    return max(least, min(full, round(full * machine_speed * SPREAD)))
+    return max(least, round(_share(machine_speed) * full))
+
+
+def _share(machine_speed: float) -> float:
+    return 1.0 if machine_speed >= FULL_LOAD else machine_speed
 
 
 if __name__ == "__main__":

@@ -5,6 +5,8 @@ import pytest
 from tests.drivers.cameras import camera_faults
 from tests.drivers.fault_matrix import CASES, HEAD, PAGE, Case, Row, rows, run
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_fault_is_survived_and_counted(case: Case) -> None:

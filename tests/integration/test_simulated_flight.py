@@ -5,8 +5,11 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from avionics.recording import LogReader
+
+pytestmark = pytest.mark.slow
 
 
 def test_gyros_alone_drift_and_the_camera_bounds_them(avionics, short_flight: Path) -> None:

@@ -26,6 +26,8 @@ from sim_bus.buses.can_pod import SimPod
 from sim_bus.wing.scenario import load_scenario
 from tests.opening import open_imus
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def config():

@@ -12,6 +12,8 @@ import pytest
 from sim_bus.guests import uml
 from sim_bus.guests.uml import APT_LINE, missing
 
+pytestmark = pytest.mark.slow
+
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "ci.md"
 
 

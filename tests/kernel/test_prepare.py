@@ -20,6 +20,8 @@ from sim_bus.wing.build import make_wing
 from sim_bus.wing.motion import PodMotion
 from sim_bus.wing.scenario import parse_scenario
 
+pytestmark = pytest.mark.slow
+
 SECONDS, SECOND = 1.2, 1_000_000_000
 LOADS = [{"kind": "sweep", "at_s": 0.1, "for_s": 9.0, "from_hz": 2.0, "to_hz": 3.0}]
 SCENARIO = parse_scenario({"name": "waves", "loads": LOADS, "truth_hz": 50.0}, origin="here")

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 # Is the guest's kernel as far as the plugin can see; named on the command line only.
 STAND_IN = """
 import os

@@ -15,6 +15,8 @@ from sim_bus.dataset import Blemishes, write_data_set
 from sim_bus.dataset_yaml import LAB_FROM_BODY, LAB_ORIGIN_M
 from sim_bus.wing.scenario import parse_scenario
 
+pytestmark = pytest.mark.slow
+
 SECONDS = 4.0
 
 

@@ -13,6 +13,8 @@ from drivers.samples import Frame, ImuSample
 from sim_bus.rig import SimRig, open_sim_rig
 from sim_bus.wing.scenario import Scenario, parse_scenario
 
+pytestmark = pytest.mark.slow
+
 LINKS = {
     "i2c": {"kind": "i2c", "bus": 1, "address": 0x28},
     "mux": {"kind": "i2c", "bus": 1, "address": 0x28, "mux_address": 0x70, "mux_channel": 5},

@@ -12,11 +12,13 @@ from avionics.recording import EncodedFrame, LogReader, LogWriter
 from avionics.records import Truth, WingShapeEstimate
 from tests.avionics.conftest import make_set
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("logs")
-    made = make_set(folder / "set", seconds=9.0)
+    made = make_set(folder / "set", seconds=7.5)
     imported, flown = folder / "imported.mcap", folder / "flown.mcap"
     import_set(made.path, imported, calibrate=True)
     replay(imported, flown)

@@ -12,6 +12,8 @@ from avionics.records import Event, Truth
 from drivers.samples import Frame, ImuSample
 from tests.avionics.conftest import EPOCH_NS
 
+pytestmark = pytest.mark.slow
+
 
 def records_of(log, kind):
     return [m.record for m in LogReader(log).messages() if isinstance(m.record, kind)]

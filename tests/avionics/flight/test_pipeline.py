@@ -19,6 +19,8 @@ from tests.avionics.wse.flight import (
     swing,
 )
 
+pytestmark = pytest.mark.slow
+
 TICK_NS = 10_000_000
 
 

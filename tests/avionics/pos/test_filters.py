@@ -21,6 +21,8 @@ from avionics.pos.trajectory import Trajectory
 from tests.avionics.pos.conftest import DEG, DT, SILENT, START, fly, make_node
 from tests.avionics.pos.plain import plain_gs
 
+pytestmark = pytest.mark.slow
+
 ARCMIN = DEG / 60.0
 SILENT_REFERENCE = Reference(0.0, 0.0, 0.0, 0.0)
 END = (Segment("end", 60.0, 75.0),)

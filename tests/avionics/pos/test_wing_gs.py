@@ -17,6 +17,8 @@ from avionics.records import Event, WingShapeEstimate
 from avionics.topics import Record, topic_of
 from drivers.samples import ImuSample
 
+pytestmark = pytest.mark.slow
+
 PERIOD_NS = 10_000_000
 BOTH = 'estimators=["crg","gs"]'
 

@@ -15,6 +15,8 @@ from avionics.report.build import write_report
 from avionics.report.plots_shape import choose_instants
 from avionics.report.subject import subjects_of
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:

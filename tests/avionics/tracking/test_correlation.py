@@ -9,6 +9,8 @@ from avionics.tracking import make_tracker
 from avionics.tracking.correlation import maker
 from tests.avionics.tracking.conftest import LEDS, Scene, config_for, frame_of, prediction_at
 
+pytestmark = pytest.mark.slow
+
 TRUE = np.array(LEDS)
 
 

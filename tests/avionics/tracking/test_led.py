@@ -14,6 +14,8 @@ from tests.avionics.tracking.conftest import (
     prediction_at,
 )
 
+pytestmark = pytest.mark.slow
+
 TRUE = np.array(LEDS)
 BARS = [(LEDS[0], LEDS[1]), (LEDS[2], LEDS[3]), (LEDS[4], LEDS[5])]
 

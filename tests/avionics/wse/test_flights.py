@@ -18,6 +18,8 @@ from tests.avionics.wse.flight import (
     tip_nees,
 )
 
+pytestmark = pytest.mark.slow
+
 
 def rms_mm(errors: np.ndarray) -> float:
     return 1e3 * float(np.sqrt((errors**2).sum(axis=1).mean()))

@@ -11,6 +11,8 @@ from sim_bus.clock import SimClock
 from sim_bus.wing.build import make_wing
 from sim_bus.wing.scenario import Picture, load_scenario
 
+pytestmark = pytest.mark.slow
+
 S = 1_000_000_000
 QUIET = Picture(read_noise=0.0, photons_per_count=1e9, texture=0.0, flicker=0.0, drop=0.0)
 

@@ -11,6 +11,8 @@ from sim_bus.wing.rod_integration import integrate
 from sim_bus.wing.rod_mass import factor, mass_matrix, solve
 from sim_bus.wing.uniform_beam import uniform_beam
 
+pytestmark = pytest.mark.slow
+
 SPAN_M, EI, GJ, MASS_PER_M = 1.5, 6.0, 5.0, 0.4
 
 

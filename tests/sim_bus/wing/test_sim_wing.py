@@ -17,6 +17,8 @@ from sim_bus.wing.root_motion import RootMotion, Swing
 from sim_bus.wing.scenario import Scenario, load_scenario, packaged_scenarios, parse_scenario
 from sim_bus.wing.sim_wing import SimWing
 
+pytestmark = pytest.mark.slow
+
 
 def flying(config: Config, scenario: Scenario | str, **options) -> SimWing:
     if isinstance(scenario, str):

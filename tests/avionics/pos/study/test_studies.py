@@ -28,6 +28,8 @@ from avionics.pos.study.spec import (
 )
 from avionics.pos.study.warnings import warnings
 
+pytestmark = pytest.mark.slow
+
 CAR = Path(__file__).resolve().parents[5] / "shared/data/real/car-drive/2014-03-26-000-Data.csv"
 ARCMIN = math.degrees(60.0)
 
