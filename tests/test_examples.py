@@ -13,6 +13,7 @@ import pytest
 
 from tests.pages import ROOT, code_blocks, read
 
+pytestmark = pytest.mark.slow
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
