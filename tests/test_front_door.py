@@ -2,11 +2,15 @@
 
 import importlib.util
 import re
+import shlex
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 import yaml
 
+from avionics.cli.app import app
 from tests.pages import PAGES, ROOT, code_places, link_targets, place_exists, read
 
 EXTERNAL = ("http://", "https://", "mailto:")
@@ -77,3 +81,25 @@ def test_picture_of_the_wing_is_drawn_from_the_packaged_configuration(tmp_path: 
     spec.loader.exec_module(script)
     script.main(tmp_path / "wing.svg")
     assert (tmp_path / "wing.svg").read_text("utf-8").count("<path") > 50
+
+
+def command_lines(text: str) -> list[list[str]]:
+    """The words of every `avionics` command line in a page's blocks, comments left out."""
+    fenced = re.findall(r"^```\w*\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+    lines = "\n".join([*fenced, *re.findall(r"^ {4}(.+)$", text, flags=re.MULTILINE)])
+    found = re.findall(r"^\s*(?:\S*bin/)?avionics ((?:[^\n\\#]|\\\n)+)", lines, flags=re.MULTILINE)
+    return [shlex.split(line.replace("\\\n", " ").rstrip(" &")) for line in found]
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if command_lines(read(p))], ids=str)
+def test_command_lines_of_a_page_exist_with_their_options(page: Path) -> None:
+    for words in command_lines(read(page)):
+        command: Any = typer.main.get_command(app)
+        rest = list(words)
+        while rest and rest[0] in getattr(command, "commands", {}):
+            command = command.commands[rest.pop(0)]
+        assert not hasattr(command, "commands"), f"no such command: avionics {' '.join(words)}"
+        mine = rest[: rest.index("--")] if "--" in rest else rest
+        known = {name for p in command.params for name in (*p.opts, *p.secondary_opts)} | {"--help"}
+        unknown = {w for w in mine if re.match(r"--?[a-z]", w)} - known
+        assert not unknown, f"avionics {' '.join(words)}: {unknown}"
