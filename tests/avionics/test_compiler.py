@@ -12,6 +12,8 @@ pytest.importorskip("numba")
 
 from avionics import compiler
 
+pytestmark = pytest.mark.slow
+
 PACKAGE = {
     "__init__.py": (
         "from pathlib import Path\n"

@@ -10,6 +10,8 @@ import pytest
 
 from avionics.desk import LIBRARIES
 
+pytestmark = pytest.mark.slow
+
 NEVER = LIBRARIES | {"filterpy", "cantools"}
 CALL = (
     f"import sys; sys.modules.update(dict.fromkeys({sorted(NEVER)}))\n"

@@ -3,7 +3,11 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from avionics.config.load import default_config_text
+
+pytestmark = pytest.mark.slow
 
 BNO055_PODS = (
     'chip = { gyro_bandwidth_hz = 47 }\nlink = { kind = "i2c", bus = 1, address = 0x28 }',

@@ -4,6 +4,8 @@ import pytest
 
 from tests.avionics.config.test_link_checks import ACCEPTED, REFUSED
 
+pytestmark = pytest.mark.slow
+
 COMMANDS = {
     "run": ("run", "{file}"),
     "sim": ("sim", "{file}"),

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 MATHEMATICS = {"numpy", "scipy", "numba", "cv2", "avionics.config"}
 DESK = {"matplotlib", "pyarrow", "numba", "filterpy", "scipy.stats", "cantools"}
 HARDWARE = {"can", "cantools", "serial", "smbus2", "sim_bus", "drivers.polled_imus"}

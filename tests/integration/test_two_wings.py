@@ -19,6 +19,8 @@ from drivers.samples import ImuSample
 from sim_bus.rig import open_sim_rig
 from sim_bus.wing.scenario import parse_scenario
 
+pytestmark = pytest.mark.slow
+
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples/two-wings.toml"
 WINGS = ("right", "left")
 # A quarter of the pixels: half the time.

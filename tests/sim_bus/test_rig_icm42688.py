@@ -7,6 +7,8 @@ from avionics.config.load import parse_config
 from sim_bus.rig import open_sim_rig
 from tests.sim_bus.test_rig import CLEAN, fly, scenario
 
+pytestmark = pytest.mark.slow
+
 ICM = {"kind": "icm42688"}
 SPI = {"kind": "spi", "bus": 0, "device": 0}
 I2C = {"kind": "i2c", "bus": 1, "address": 0x68}

@@ -11,6 +11,8 @@ from sim_bus.buses.faults import Fault
 from sim_bus.rig import EPOCH_NS, SimRig, open_sim_rig
 from sim_bus.wing.scenario import Scenario, parse_scenario
 
+pytestmark = pytest.mark.slow
+
 LENS = {"f_x_px": 150.0, "f_y_px": 150.0, "c_x_px": 79.5, "c_y_px": 59.5, "width_px": 160,
         "height_px": 120, "tilt_deg": -14.0}  # fmt: skip
 

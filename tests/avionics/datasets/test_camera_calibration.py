@@ -8,6 +8,8 @@ from avionics.datasets.importer import import_set
 from avionics.recording import LogReader
 from tests.avionics.conftest import make_set
 
+pytestmark = pytest.mark.slow
+
 
 def test_calibration_finds_the_camera_and_its_clock(tmp_path) -> None:
     made = make_set(tmp_path / "late", seconds=9.0, time_offset_s=-0.02)

@@ -3,12 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from avionics.pos.difference_filter import DifferenceOptions, difference_filter
 from avionics.pos.online import GsBank, GyroNoise
 from avionics.pos.simulate import simulate
 from avionics.pos.trajectory import Trajectory
 from tests.avionics.pos.conftest import DEG, DT, make_node
+
+pytestmark = pytest.mark.slow
 
 
 def test_the_bank_equals_the_compiled_filter_for_every_pod(trajectory: Trajectory) -> None:

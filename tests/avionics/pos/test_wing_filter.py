@@ -14,6 +14,8 @@ from avionics.pos.trajectory import Trajectory
 from avionics.pos.wing_filter import STATES
 from tests.avionics.pos.conftest import DEG, DEG_H, MICRO_G, SILENT, fly, make_node
 
+pytestmark = pytest.mark.slow
+
 ARCMIN = DEG / 60.0
 LEGS = (Leg(20.0, speed_change=100.0), Leg(20.0), Leg(60.0, turn=180.0 * DEG), Leg(20.0))
 

@@ -9,6 +9,8 @@ from avionics.config import Tracker
 from avionics.tracking import make_tracker
 from tests.avionics.tracking.conftest import LEDS, Scene, config_for, frame_of, prediction_at
 
+pytestmark = pytest.mark.slow
+
 TRUE = np.array(LEDS)
 NAMES = get_args(Tracker.model_fields["name"].annotation)
 

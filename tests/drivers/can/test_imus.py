@@ -16,6 +16,8 @@ from sim_bus.buses.can_pod import SimCanBus
 from sim_bus.clock import SimClock
 from tests.drivers.wing_bench import SECOND
 
+pytestmark = pytest.mark.slow
+
 RAW = Bno055Settings(mode="gyronly")
 
 

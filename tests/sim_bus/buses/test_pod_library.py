@@ -5,8 +5,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from sim_bus.buses import pod_library
 from sim_bus.buses.pod_library import build_library
+
+pytestmark = pytest.mark.slow
 
 
 def test_library_is_kept_in_the_users_cache(monkeypatch, tmp_path: Path) -> None:
