@@ -71,7 +71,7 @@ def serve(
     ] = None,
     overrides: Overrides = None,
     wing: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Which of several [[wings]] to serve.")
+        str | None, typer.Option(metavar="NAME", help="Which wing to serve, of several.")
     ] = None,
     lead: Annotated[
         float, typer.Option(min=1.5, metavar="S", help="Rest before the scenario begins.")

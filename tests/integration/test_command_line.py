@@ -29,6 +29,7 @@ def test_every_command_has_help_with_an_example(avionics, command) -> None:
     done = avionics(*command, "--help")
     assert done.status == 0
     assert " ".join(("avionics", *command)) in done.out.split("Example", 1)[1]
+    assert "[]" not in done.out  # what is left of brackets that were taken for markup
 
 
 def wrong(done, status: int, *words: str) -> None:
