@@ -57,9 +57,9 @@ def explain(origin: str, item: Any) -> str:
         return f"{origin}: unknown key '{path}'; remove it or correct its spelling"
     if item["type"] == "missing":
         return f"{origin}: key '{path}' is missing"
-    where = f"key '{path}'" if path else "the configuration"
+    where = f"{origin}: key '{path}'" if path else origin
     value = "" if item["type"] == "value_error" else f" (found {item['input']!r:.80})"
-    return f"{origin}: {where}: {item['msg'].removeprefix('Value error, ')}{value}"
+    return f"{where}: {item['msg'].removeprefix('Value error, ')}{value}"
 
 
 def load_config(path: Path, overrides: tuple[str, ...] = ()) -> FlightConfig:

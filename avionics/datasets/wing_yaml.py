@@ -7,6 +7,7 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from avionics.config.load import explain
 from avionics.errors import DataSetError
 from avionics.records import FloatArray
 
@@ -162,10 +163,7 @@ def read_wing_yaml(path: Path) -> WingDescription:
         if described.camera is not None:
             _ = described.camera.nominal.focal_px
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        msg = f"{path}: key '{key}': {first['msg']} (found {first.get('input')!r:.60})"
-        raise DataSetError(msg) from None
+        raise DataSetError(explain(str(path), error.errors()[0])) from None
     except ValueError as error:
         msg = f"{path}: {error}"
         raise DataSetError(msg) from None

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
+from avionics.config.load import explain
 from avionics.errors import ConfigError
 from sim_bus.buses.faults import KINDS
 
@@ -210,11 +211,7 @@ def parse_scenario(tables: dict[str, Any], *, origin: str) -> Scenario:
     try:
         return Scenario.model_validate(tables)
     except ValidationError as error:
-        lines = [
-            f"{origin}: key '{'.'.join(str(p) for p in item['loc'])}': {item['msg']}"
-            for item in error.errors()[:5]
-        ]
-        raise ConfigError("\n".join(lines)) from None
+        raise ConfigError("\n".join(explain(origin, item) for item in error.errors()[:5])) from None
 
 
 def packaged_scenarios() -> tuple[str, ...]:

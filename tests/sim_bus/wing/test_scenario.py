@@ -32,7 +32,7 @@ def test_packaged_scenarios_are_all_there() -> None:
 def test_unknown_key_names_file_and_key(tmp_path: Path) -> None:
     path = tmp_path / "flight.toml"
     path.write_text('name = "x"\n[wing]\nmas_per_m = 1.0\n')
-    with pytest.raises(ConfigError, match=r"flight\.toml: key 'wing\.mas_per_m'"):
+    with pytest.raises(ConfigError, match=r"flight\.toml: unknown key 'wing\.mas_per_m'"):
         load_scenario(path)
 
 
