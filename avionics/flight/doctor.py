@@ -53,7 +53,8 @@ def probe(
     buses = HardwareBuses(clock) if buses is None else buses
     desk = _Desk(clock, buses, config)
     findings = [
-        _try(f"{imu.title} on {_place(imu)}", partial(desk.look_at, imu)) for imu in _imus(config)
+        _try(f"{imu.title} on {_place(imu)}", imu.title, partial(desk.look_at, imu))
+        for imu in _imus(config)
     ]
     if not config.pods:
         findings.append(Finding(ok=False, what="pods", found="none", remedy="add [[pods]] tables"))
@@ -114,11 +115,12 @@ def _place(pod: Pod | RootImu) -> str:
     return "nothing"
 
 
-def _try(what: str, look: Callable[[], str]) -> Finding:
+def _try(what: str, name: str, look: Callable[[], str]) -> Finding:
+    """Look; a message that begins with the device's name need not repeat it."""
     try:
         return Finding(ok=True, what=what, found=look())
     except (DriverError, ConfigError) as error:
-        found, _, remedy = str(error).partition("; ")
+        found, _, remedy = str(error).removeprefix(f"{name}: ").partition("; ")
         return Finding(ok=False, what=what, found=found, remedy=remedy or _remedy(error))
 
 
@@ -160,7 +162,7 @@ def _probe_camera(camera: Camera, buses: Buses) -> Finding:
             raise DeviceNotFoundError(msg)
         return f"frames of {width} x {height} px come"
 
-    return _try(what, look)
+    return _try(what, what, look)
 
 
 def _probe_disk() -> Finding:

@@ -240,5 +240,6 @@ def test_the_doctor_looks_at_every_wing_and_at_the_root(avionics) -> None:
     assert done.status == 1
     for what in ("pod 0 on /dev/i2c-1", "pod 3 on virtual wing, node 2", "root on /dev/i2c-3"):
         assert what in done.out
+    assert "pod 3 on virtual wing, node 2: no frame from node 2" in " ".join(done.out.split())
     for wing in WINGS:
         assert f"camera {wing}" in done.out
