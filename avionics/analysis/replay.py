@@ -10,7 +10,7 @@ from avionics.config.load import apply_overrides, parse_config
 from avionics.errors import RecordingError
 from avionics.flight.pipelines import Pipelines
 from avionics.output_paths import refuse_inputs
-from avionics.recording import EncodedFrame, LogReader, LogWriter, appearing_whole
+from avionics.recording import Damage, EncodedFrame, LogReader, LogWriter, appearing_whole
 from avionics.records import Event, Health, MarkerTracks, Truth
 from drivers.samples import Frame, ImuSample
 
@@ -37,11 +37,14 @@ class ReplaySummary:
         Frames whose markers were tracked again.
     untracked : int
         Frames that could not be: no markers in the configuration.
+    damage : Damage
+        What could not be read of the old log.
     """
 
     records: int
     tracked: int
     untracked: int
+    damage: Damage
 
 
 def replay(
@@ -145,7 +148,7 @@ class _Replay:
             if progress is not None and self._records % 64 == 0:
                 progress((message.arrival_ns - start_ns) * 1e-9)
         self._pipelines.close()
-        return ReplaySummary(self._records, self._tracked, self._untracked)
+        return ReplaySummary(self._records, self._tracked, self._untracked, reader.damage)
 
     def _take(self, record: object, arrival_ns: int) -> None:
         match record:

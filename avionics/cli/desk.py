@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import typer
 
 from avionics.cli.options import AsJson, Force, LogArgument, OutputFile, Overrides
-from avionics.cli.output import progress_bar, read_log_path
+from avionics.cli.output import progress_bar, read_log_path, warn_of_damage
 from avionics.output_paths import claim_file
 
 PANEL = "Work with logs and data sets"
@@ -86,7 +86,7 @@ def replay(
     from avionics.analysis.replay import replay as replay_log  # noqa: PLC0415
 
     with progress_bar("replaying", None) as progress:
-        replay_log(
+        summary = replay_log(
             log,
             output,
             config=given,
@@ -97,6 +97,7 @@ def replay(
             force=force,
             progress=progress,
         )
+    warn_of_damage(log, summary.damage)
     print(f"wrote {output} ({output.stat().st_size / 1e6:.1f} MB)")
     print(f"next: avionics evaluate {output}; avionics report {output} -o report.html")
 
@@ -115,7 +116,9 @@ def evaluate(
     from avionics.analysis.evaluate import evaluate_wings, figures  # noqa: PLC0415
     from avionics.analysis.flight import read_flight  # noqa: PLC0415
 
-    evaluations = evaluate_wings(read_flight(read_log_path(log)))
+    flight = read_flight(read_log_path(log))
+    evaluations = evaluate_wings(flight)
+    warn_of_damage(log, flight.damage)
     if as_json:
         print(json.dumps(figures(evaluations), indent=2))
         return
@@ -145,6 +148,7 @@ def export(
     flight = read_flight(read_log_path(log))
     with progress_bar("exporting", None) as progress:
         tables = export_flight(flight, directory, table_format, force=force, progress=progress)
+    warn_of_damage(log, flight.damage)
     for path, rows in tables.items():
         print(f"{path}: {rows} rows")
 

@@ -5,8 +5,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from avionics.errors import AvionicsError
+
+if TYPE_CHECKING:
+    from avionics.recording import Damage
 
 PROGRESS_AFTER_S = 2.0
 
@@ -23,6 +27,12 @@ def read_log_path(path: Path) -> Path:
         msg = f"{path}: no such log; give the path of an .mcap file"
         raise AvionicsError(msg)
     return path
+
+
+def warn_of_damage(path: Path, damage: "Damage") -> None:
+    """Write one line to stderr if a log that was read is not whole."""
+    if damage.is_any:
+        print(f"{path}: {damage.text()}", file=sys.stderr)
 
 
 @contextlib.contextmanager

@@ -9,7 +9,6 @@ from avionics.analysis.flight import Flight
 from avionics.analysis.series import TrackSeries
 from avionics.config import Marker, Pod
 from avionics.kinds import CRG, FILTERED
-from avionics.recording import Damage
 from avionics.recording.attached import CONFIG_TOML
 from avionics.report import plots, plots_shape
 from avionics.report.page import Page
@@ -54,7 +53,7 @@ def _subtitle(subjects: Sequence[Subject]) -> str:
 def _summary(page: Page, subject: Subject) -> None:
     config = subject.config
     page.heading("What flew")
-    if subject.info.damage != Damage():
+    if subject.info.damage.is_any:
         page.paragraph(f"The log is not whole: {subject.info.damage.text()}.", is_warning=True)
     bases = [f"{kind}: {estimates.basis}" for kind, estimates in subject.estimates.items()]
     sha = subject.info.metadata.get("config_sha256", "")

@@ -75,3 +75,19 @@ def estimates(log: Path) -> list[bytes]:
                 )
     assert len(found) > 1000
     return found
+
+
+def test_a_damaged_log_is_read_with_a_warning(avionics, short_flight: Path, tmp_path: Path) -> None:
+    content = bytearray(short_flight.read_bytes())
+    content[len(content) // 2 : len(content) // 2 + 100] = bytes(100)
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(content)
+    for command in (
+        ("evaluate", broken),
+        ("export", broken, "-o", tmp_path / "tables"),
+        ("replay", broken, "--no-images", "-o", tmp_path / "again.mcap"),
+    ):
+        done = avionics(*command)
+        assert done.status == 0, done
+        assert done.err.startswith(f"{broken}: damage: damaged chunks: 1"), done
+    assert avionics("evaluate", short_flight).err == ""

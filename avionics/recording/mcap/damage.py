@@ -30,9 +30,14 @@ class Damage:
     missing_messages: int = 0
     damaged_attachments: int = 0
 
+    @property
+    def is_any(self) -> bool:
+        """Whether anything had to be left out."""
+        return self != Damage()
+
     def text(self) -> str:
         """Return it as one plain line."""
-        if self == Damage():
+        if not self.is_any:
             return "the log is complete and undamaged"
         counts = {
             "damaged chunks": self.damaged_chunks,
