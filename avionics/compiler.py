@@ -69,7 +69,7 @@ def cached_compiler(name: str, sources: Iterable[Path]) -> Callable[[Function], 
         What is compiled, for the folder in the cache.
     sources : iterable of Path
         All files whose functions and constants go into the machine code. numba watches the file
-        of a function only, so a change of what it calls would go unseen.
+        of a function only, so a change of what it calls would go unnoticed.
     """
     if numba is None or _SETTINGS.DISABLE_JIT:
         return lambda function: function

@@ -2,7 +2,7 @@
 
 Lens and position are strongly correlated over few instants, and every motion-capture marker has
 an error of its own that does not average out: both are unknowns here, with what is known of them
-as prior, so that the reported covariance is honest.
+as prior, so that the reported covariance is consistent.
 """
 
 from collections.abc import Mapping

@@ -17,7 +17,7 @@ def motion_from_samples(t: Array, euler: Array, velocity: Array, dt: float) -> M
     t : ndarray, shape (K,)
         Increasing, from 0, s.
     euler : ndarray, shape (K, 3)
-        Heading (unwrapped), pitch, roll, rad, already low-passed to what is trusted.
+        Heading (unwrapped), pitch, roll, rad, already low-passed to the band that is valid.
     velocity : ndarray, shape (K, 3)
         East, north, up, m/s, likewise.
     dt : float

@@ -90,7 +90,7 @@ class Node:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """What the sensors said, on the trajectory's grid of N + 1 instants.
+    """What the sensors measured, on the trajectory's grid of N + 1 instants.
 
     Attributes
     ----------

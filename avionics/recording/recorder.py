@@ -213,9 +213,9 @@ class Recorder:
     def _report_health(self, arrival_ns: int) -> None:
         """Once a second, in the records' own time, and at once when storage works again."""
         if self._trouble is not None and not self._writer.is_pending:
-            said, self._trouble = self._trouble, None
+            trouble, self._trouble = self._trouble, None
             logger.warning("storage works again")
-            message = f"storage refused and works again: {said}"
+            message = f"storage refused and works again: {trouble}"
             event = Event(arrival_ns, SOURCE, "error", message)
             self._write_one(_Entry(event, arrival_ns))
         self._arrival_ns = arrival_ns

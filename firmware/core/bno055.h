@@ -107,7 +107,7 @@ void bno055_init(bno055_t *imu, const bno055_port_t *port, const bno055_settings
 /* Does the step of bring-up that is due, or the watch if it is due and `may_watch`; returns
  * whether the chip measures. */
 bool bno055_step(bno055_t *imu, uint64_t now_us, bool may_watch);
-/* Burst-reads, stamps and screens one sample; false if there is none to trust. */
+/* Burst-reads, stamps and screens one sample; false if none is valid. */
 bool bno055_sample(bno055_t *imu, bool all_sensors, bno055_sample_t *sample);
 /* Takes new settings to a chip that is alive, without resetting it. */
 void bno055_configure(bno055_t *imu, const bno055_settings_t *settings, uint64_t now_us);

@@ -44,7 +44,7 @@ class Motion(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ImuGrade:
-    """How good a chip is; BNO055 data sheet rev. 1.4, Sec. 0.4, unless said otherwise.
+    """How good a chip is; BNO055 data sheet rev. 1.4, Sec. 0.4, unless stated otherwise.
 
     Attributes
     ----------

@@ -138,7 +138,7 @@ def test_simulated_pod_shares_the_bus_with_another(bench: Bench, channel, make_c
 
 @pytest.fixture
 def said() -> list[str]:
-    """What the truth log is told."""
+    """Events that the truth log is given."""
     return []
 
 
@@ -273,11 +273,11 @@ def test_status_counts_what_goes_out_and_what_is_missed(config, tmp_path: Path) 
 
 
 def test_rubbish_on_the_control_socket_harms_nobody(control: Path) -> None:
-    for rubbish in (b"\xff\xfe\n", b"[1, 2]\n", b"{\n", b"\n"):
+    for malformed in (b"\xff\xfe\n", b"[1, 2]\n", b"{\n", b"\n"):
         with socket.socket(socket.AF_UNIX) as client:
             client.settimeout(5)
             client.connect(str(control))
-            client.sendall(rubbish)
+            client.sendall(malformed)
             assert "error" in json.loads(client.makefile("rb").readline())
     assert ask(control, {"do": "status"})["elapsed_s"] is None
 

@@ -7,7 +7,7 @@ DRIVER = Path("/sys/bus/platform/drivers/vivid")
 
 
 def load(**parameters: str) -> None:
-    """Load the module anew."""
+    """Unload the module and load it again."""
     if DRIVER.exists():
         subprocess.run(["modprobe", "-r", "vivid"], check=True)
     words = [f"{name}={value}" for name, value in parameters.items()]

@@ -194,8 +194,8 @@ def _sigma(design: Design, found: Estimate, dt: float) -> Array:
     return result
 
 
-def verdict(design: Design, cells: list[Cell], node: str, grade: str) -> str:
-    """Say what the cheapest set of sensors is that meets the requirement on every axis."""
+def cheapest_sensors(design: Design, cells: list[Cell], node: str, grade: str) -> str:
+    """Return the cheapest set of sensors that meets the requirement on every axis."""
     required = np.array(design.required_arcmin)
     mine = {cell.method: cell for cell in cells if (cell.node, cell.grade) == (node, grade)}
     for method, words in SENSORS.items():

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from avionics.pos.study.design import METHODS, Cell, Design, verdict
+from avionics.pos.study.design import METHODS, Cell, Design, cheapest_sensors
 from avionics.pos.study.figures import colour_of
 from avionics.pos.study.results import AXES, digits, write_rows
 from avionics.report.page import Page
@@ -16,7 +16,7 @@ from avionics.report.plots import STYLE, WIDTH_IN
 HEAD = ("node", "grade", "method", "sigma x", "y", "z", "smoothed x", "y", "z")
 AS_ON_Z = (
     "As, z: accelerometers in level flight do not observe this angle, and in flight the filter "
-    "believes more than it knows (gong-table2: its error is 3.4 own sigmas). Do not count on the z "
+    "is overconfident (gong-table2: its error is 3.4 of its own sigmas). Do not count on the z "
     "sigmas of As."
 )
 
@@ -42,7 +42,7 @@ def rows(cells: Sequence[Cell]) -> list[list[str]]:
 def answers(design: Design, cells: list[Cell]) -> list[list[str]]:
     """Return (node, grade, what it needs) rows."""
     return [
-        [node.name, grade.name, verdict(design, cells, node.name, grade.name)]
+        [node.name, grade.name, cheapest_sensors(design, cells, node.name, grade.name)]
         for node in design.nodes
         for grade in design.grades
     ]

@@ -42,7 +42,7 @@ def write_report(studies: Sequence[Study], folder: Path, notes: Sequence[str] = 
     folder : Path
         Exists.
     notes : sequence of str
-        Said before the figures.
+        Printed before the figures.
     """
     with rc_context(STYLE):
         page = _page(studies, folder, notes)

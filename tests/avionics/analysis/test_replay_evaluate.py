@@ -138,7 +138,7 @@ def test_evaluation_says_what_is_missing(logs, tmp_path) -> None:
         evaluate(read_flight(tmp_path / "b.mcap"))
 
 
-def test_short_log_is_told(tmp_path) -> None:
+def test_short_log_is_refused(tmp_path) -> None:
     made = make_set(tmp_path / "set", seconds=2.0)
     import_set(made.path, tmp_path / "a.mcap")
     replay(tmp_path / "a.mcap", tmp_path / "b.mcap")

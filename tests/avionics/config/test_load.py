@@ -1,4 +1,4 @@
-"""How files and overrides become a configuration, and how each mistake is told."""
+"""How files and overrides become a configuration, and how each mistake is reported."""
 
 import hashlib
 from pathlib import Path

@@ -128,7 +128,7 @@ def test_a_spike_on_the_bus_does_not_reach_the_estimate() -> None:
         if isinstance(record, ImuSample) and i > 200 and i % 100 == 0:
             record.rate_rad_s[i // 100 % 3] -= FLIPPED_RAD_S
             flipped += 1
-    # WHEN it is flown THEN each is counted and told, and the tip stays where it is
+    # WHEN it is flown THEN each is counted and reported, and the tip stays where it is
     sink = fly(flight.config, events)
     spikes = sink.health("pod 0")["spikes"] + sink.health("pod 1")["spikes"]
     assert spikes >= flipped

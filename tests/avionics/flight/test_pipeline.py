@@ -236,7 +236,7 @@ def test_samples_that_come_late_are_counted_and_told_of_once(flight) -> None:
     ]
     # WHEN they are flown
     sink = fly(flight.config, sorted(events, key=lambda item: item[0]))
-    # THEN those that the estimator could not wait for are counted, and told of
+    # THEN those that the estimator could not wait for are counted and reported
     told = [event.message for event in sink.events() if event.source == "pod 0"]
     assert [word in message for word, message in zip(
         ("silent", "back after", "s late", "in time again"), told, strict=True

@@ -56,7 +56,7 @@ def test_camera_bounds_what_gyros_alone_let_drift() -> None:
 
 
 def test_at_rest_the_start_is_found_and_the_biases_follow() -> None:
-    # GIVEN a wing at rest, bent by 12 deg at the tip, of which the estimator is told nothing
+    # GIVEN a wing at rest, bent by 12 deg at the tip, of which the estimator knows nothing
     def still(t: np.ndarray) -> np.ndarray:
         return np.full_like(t, 0.2)
 
@@ -110,7 +110,7 @@ def test_a_pod_lost_is_announced_and_flown_without(lost: int) -> None:
     flight, sink = flown(
         oblique(), is_alive=lambda t, j: not (j == lost and 4.0 < t < 7.0), duration_s=9.0
     )
-    # THEN the camera holds the shape, with honest covariance, and both changes are said once
+    # THEN the camera holds the shape, covariance consistent; both changes are reported once
     during = [r for r in sink.estimates("filtered") if r.t_ns < EPOCH_NS + 7e9]
     assert rms_mm(tip_errors(flight, during, 4.3)) < 4.0
     assert tip_nees(flight, during, 4.3) < 3.0

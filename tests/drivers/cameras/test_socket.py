@@ -98,7 +98,7 @@ def test_frozen_picture_is_told_and_the_camera_connected_anew(server, camera) ->
             camera.read(1.0)
         if counters(camera).get("frozen"):
             break
-    # THEN that is told, and another connection is tried, whose pictures move again
+    # THEN that is reported, and another connection is tried, whose pictures move again
     assert counters(camera)["frozen"] == counters(camera)["restarts"] == 1
     assert [e.message for e in camera.take_events()] == ["the picture is frozen; connecting again"]
     camera.read(0.3)

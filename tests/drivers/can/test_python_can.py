@@ -34,7 +34,7 @@ def heard(port, count: int, limit_s: float = 10.0):
 
 
 @pytest.mark.parametrize(
-    "rubbish",
+    "noise",
     [
         b"tZZZ2AABB\r",
         b"t12\r",
@@ -46,15 +46,15 @@ def heard(port, count: int, limit_s: float = 10.0):
         b"\a",
     ],
 )
-def test_slcan_reader_outlives_malformed_lines(line, rubbish) -> None:
+def test_slcan_reader_outlives_malformed_lines(line, noise) -> None:
     adapter, name = line
     port = open_can("slcan", name, SteadyClock(), bitrate=500_000, sleep_after_open=0)
     os.write(adapter, b"t10126162\r")
     assert heard(port, 1) == [(0x101, b"ab")]
     for _ in range(3):
-        os.write(adapter, rubbish)
+        os.write(adapter, noise)
         heard(port, 1, limit_s=0.2)
-    # The line is good again within two frames: one may be eaten with the rubbish before it.
+    # The line is good again within two frames: one may be eaten with the noise before it.
     for _ in range(20):
         os.write(adapter, b"t10226364\r")
         if heard(port, 1, limit_s=0.3) == [(0x102, b"cd")]:

@@ -92,7 +92,7 @@ def test_frames_queued_before_the_link_went_down_are_no_return(queue, monkeypatc
     assert port.recv(0) is None
     assert drain(port) == 3
     assert port.send(0x2, b"") is None
-    # THEN it is told once
+    # THEN it is reported once
     assert [e.level for e in port.take_events()] == ["warning"]
     # WHEN frames come that were queued before the failed sending, THEN that is no return either
     link_is(monkeypatch, up=True)

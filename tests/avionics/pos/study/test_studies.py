@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from avionics.cli import pos as cli
 from avionics.config.load import read_toml
 from avionics.errors import AvionicsError, ConfigError, DataSetError, OutputExistsError
-from avionics.pos.study.design import analyse, load_design, parse_design, verdict
+from avionics.pos.study.design import analyse, cheapest_sensors, load_design, parse_design
 from avionics.pos.study.design_page import write_design
 from avionics.pos.study.drive import drive_spec, read_drive
 from avionics.pos.study.report import write_report
@@ -244,9 +244,9 @@ def test_design_answers_with_the_cheapest_that_will_do() -> None:
     tight = design.model_copy(update={"required_arcmin": (1e-6, 1e-6, 1e-6)})
     imu = by_method["IMU"].sigma * 1.01
     middle = design.model_copy(update={"required_arcmin": tuple(imu)})
-    assert verdict(loose, cells, node, grade) == "three gyros (Gs)"
-    assert verdict(middle, cells, node, grade).startswith("an IMU")
-    assert verdict(tight, cells, node, grade) == "nothing of this grade"
+    assert cheapest_sensors(loose, cells, node, grade) == "three gyros (Gs)"
+    assert cheapest_sensors(middle, cells, node, grade).startswith("an IMU")
+    assert cheapest_sensors(tight, cells, node, grade) == "nothing of this grade"
 
 
 def test_design_page_has_its_picture(tmp_path: Path) -> None:

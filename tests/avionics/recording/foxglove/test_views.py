@@ -151,7 +151,7 @@ def colour(name: str) -> Color:
 def plain_overlay(
     tracks: MarkerTracks, circles: list[tuple[str, float, float]]
 ) -> ImageAnnotations:
-    """Make the annotations anew, in the plainest way."""
+    """Make the annotations again, in the plainest way."""
     stamp = to_timestamp(tracks.t_ns + UTC_OFFSET_NS)
     overlay = ImageAnnotations()
     for (u, v), is_found in zip(tracks.pixel, tracks.found, strict=True):

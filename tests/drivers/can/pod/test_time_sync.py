@@ -65,7 +65,7 @@ def test_late_replies_of_a_busy_machine_do_not_bend_the_clock() -> None:
 def test_restart_of_the_pod_is_taken_up_with_the_second_pair() -> None:
     clock = PodClock()
     feed(clock, Quartz(20.0), 5.0)
-    again = Quartz(20.0, start_us=-5_000_000)  # its clock began anew after five seconds
+    again = Quartz(20.0, start_us=-5_000_000)  # its clock restarted after five seconds
     feed(clock, again, 1.0, from_s=5.0)
     assert clock.counters["clock_restarts"] == 1
     assert abs(error_us(clock, again, 6.0)) < 60
