@@ -134,6 +134,7 @@ def run_to_the_end(
     limit_s: float,
     echo: bool,
     environment: Mapping[str, str] | None = None,
+    cpu: int | None = None,
 ) -> GuestResult:
     """Run the process that is the guest until it is over or ``limit_s`` has passed.
 
@@ -149,9 +150,11 @@ def run_to_the_end(
         Copy the command's output to this process's own while it runs.
     environment : mapping, optional
         Variables of the guest's process on the host, added to this process's.
+    cpu : int, optional
+        The one CPU on which the guest runs; any if absent.
     """
     try:
-        run_process(arguments, out, limit_s=limit_s, echo=echo, environment=environment)
+        run_process(arguments, out, limit_s=limit_s, echo=echo, environment=environment, cpu=cpu)
     except GuestTimeoutError:
         (out / "guest-error").write_text(f"the guest ran longer than {limit_s:.0f} s\n")
     status_file = out / ".guest" / "rc"

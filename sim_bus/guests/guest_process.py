@@ -28,6 +28,7 @@ def run_process(
     limit_s: float,
     echo: bool,
     environment: Mapping[str, str] | None = None,
+    cpu: int | None = None,
 ) -> None:
     """Run the process that is the guest, and end it and all that it started.
 
@@ -43,6 +44,8 @@ def run_process(
         Copy ``stdout`` and ``stderr`` of that folder to this process's own.
     environment : mapping, optional
         Variables added to this process's.
+    cpu : int, optional
+        The one CPU for it and all that it starts; any if absent.
 
     Raises
     ------
@@ -59,7 +62,7 @@ def run_process(
             stderr=subprocess.STDOUT,
             env={**os.environ, **(environment or {})},
             start_new_session=True,
-            preexec_fn=_dying_with(os.getpid()),  # noqa: PLW1509 - one system call, takes no lock
+            preexec_fn=_dying_with(os.getpid(), cpu),  # noqa: PLW1509 - system calls, no lock
         )
         try:
             with _watched(guest.pid), _echoing(out, echo):
@@ -72,10 +75,12 @@ def run_process(
             guest.wait()
 
 
-def _dying_with(parent: int) -> Callable[[], None]:
+def _dying_with(parent: int, cpu: int | None = None) -> Callable[[], None]:
     """Return what a child calls so that the kernel kills it when its parent's thread ends."""
 
     def ask() -> None:
+        if cpu is not None:
+            os.sched_setaffinity(0, {cpu})
         _LIBC.prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
         if os.getppid() != parent:  # it died before the call
             os.kill(os.getpid(), signal.SIGKILL)

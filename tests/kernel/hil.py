@@ -120,6 +120,11 @@ def fly(bench: Bench, flight: Path, duration_s: float) -> str:
     return first + out
 
 
+def given(*settings: str) -> list[str]:
+    """Return settings as words of a command line."""
+    return [word for setting in settings for word in ("--set", setting)]
+
+
 def figures(log: Path) -> dict[str, Any]:
     """Return what `avionics evaluate` says."""
     return dict(json.loads(avionics("evaluate", log, "--json")))
@@ -134,6 +139,16 @@ def kept(log: Path, rates_hz: dict[str, float], flight_s: float) -> dict[str, fl
         topic: int((times[topic] >= first_ns).sum()) / (rate_hz * (flight_s - SETTLE_S))
         for topic, rate_hz in rates_hz.items()
     }
+
+
+def counted(log: Path) -> str:
+    """Return what the drivers and the runner counted, for whoever has to explain a loss."""
+    last = read_flight(log, ["/health"]).health.last
+    return "; ".join(
+        f"{source}: " + ", ".join(f"{name} {count}" for name, count in counters.items() if count)
+        for source, counters in sorted(last.items())
+        if source.startswith(("driver ", "runner"))
+    )
 
 
 def tip_motion_m(log: Path) -> float:
