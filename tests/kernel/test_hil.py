@@ -21,7 +21,7 @@ KEPT = 0.6
 FULL_FPS, FULL_HZ, FULL_GUEST_HZ = 15, 100, 50
 # Where one sample in three may be lost, fewer a second leave gaps that 3 Hz of motion fill.
 LEAST_GUEST_HZ = 40
-# A guest tracks, fuses and paints with the same one CPU: pictures of a quarter of the size, half the
+# A guest tracks, fuses and paints on one CPU: pictures of a quarter of the size, half the
 # steps of the filter. The flight on the host has them whole.
 SMALL = (
     "estimator.row_period_s=0.02",
