@@ -11,7 +11,7 @@ DURATIONS: Final = 100
 
 
 class BurstTime:
-    """Places the data in a burst; knows from the bursts before how long one takes.
+    """Time of the data within a burst, from how long the bursts before it took.
 
     Parameters
     ----------

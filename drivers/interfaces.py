@@ -203,7 +203,7 @@ class Reporting(Protocol):
 
 
 class ImuSource(Source[ImuSample], Reporting, Protocol):
-    """The IMUs of one bus: they are brought up before the first sample, and say who they are."""
+    """The IMUs of one bus: brought up before the first sample, each with its chip id."""
 
     def open(self) -> None:
         """Bring every IMU up and wait for it.

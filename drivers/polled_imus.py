@@ -1,7 +1,7 @@
 """``PolledImus``: the chips of one I2C bus or serial line as a source of samples.
 
-It never dies of its bus: a chip that fails is brought up again in the background while the others
-are read, and every failure is counted.
+It survives every fault of its bus: a chip that fails is brought up again in the background while
+the others are read, and every failure is counted.
 """
 
 from collections import Counter, deque

@@ -24,7 +24,7 @@ R = TypeVar("R")
 
 
 class Reopening(Generic[T]):
-    """What can be opened again.
+    """A device that is opened again when it fails or vanishes.
 
     Parameters
     ----------

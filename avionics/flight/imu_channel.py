@@ -32,7 +32,7 @@ class SpikeScreen:
         self._suspects: list[list[float]] = []
 
     def forget(self) -> None:
-        """Restart after a gap; how lively the wing was is kept."""
+        """Restart after a gap; the activity of the wing is kept."""
         self._kept.clear()
         self._suspects.clear()
 

@@ -1,4 +1,4 @@
-"""Measurement update: gate each marker, iterate, adapt the noise, come back from a lock-out."""
+"""Measurement update: gate each marker, iterate, adapt the noise, recover from a lock-out."""
 
 from dataclasses import dataclass, replace
 from typing import Any

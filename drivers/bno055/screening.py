@@ -23,7 +23,8 @@ def is_suspicious(values: Words, expected: Words, step_limit: Words) -> bool:
     Parameters
     ----------
     values, expected : ndarray of int, shape (n,)
-        This burst and what the last good ones let expect; the last three words are the gyro's.
+        This burst, and the one predicted from the last good ones; the last three words are
+        the gyro's.
     step_limit : ndarray of int, shape (n,)
         Largest departure that is taken without a second look.
 

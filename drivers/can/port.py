@@ -1,4 +1,4 @@
-"""One CAN bus as the drivers see it: frames with steady stamps, and a reader that never dies."""
+"""One CAN bus as the drivers see it: frames with steady stamps; a reader that outlives faults."""
 
 from collections import Counter
 from dataclasses import dataclass

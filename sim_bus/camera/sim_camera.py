@@ -99,7 +99,7 @@ class SimCamera:
         self._is_open = True
 
     def still(self, number: int) -> Still:
-        """Return the picture of frame ``number`` after the wing's time zero, taken apart."""
+        """Return the picture of frame ``number`` after the wing's time zero, as its parts."""
         jitter_ns = round(self._rng.standard_normal() * self._look.jitter_s * 1e9)
         t_ns = self._wing.epoch_ns + round(number / self._camera.fps * 1e9) + jitter_ns
         paths, depth = self._paths(t_ns)

@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Still:
-    """One picture, taken apart.
+    """One picture as its parts: background and what moves before it.
 
     Attributes
     ----------
