@@ -93,7 +93,7 @@ def test_doctor_says_what_to_do_about_a_chip_that_does_not_drive_its_line(
 ) -> None:
     monkeypatch.setattr(desk.chips[0], "transfer", lambda sent, _: bytes(len(sent)))
     finding = probe(config(SPI), desk)[0]
-    assert finding.found == "pod 0: chip id 0x00, expected 0x47"
+    assert finding.found == "chip id 0x00, expected 0x47"
     assert finding.remedy == "nothing drives SDO: check supply, wiring and chip select"
     with pytest.raises(DeviceNotFoundError, match="nothing drives SDO"):
         open_rig(config(SPI), desk)
